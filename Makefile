@@ -1,0 +1,41 @@
+# Every verb makes its own environment first: Python 3.11 or newer, make and a network for pip are enough.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+OUT ?= out/demo
+JOBS ?= 2
+
+.PHONY: demo test test-slow lint types bench docs clean help
+.DEFAULT_GOAL := help
+
+help:            ## the verbs
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "intervis needs Python 3.11 or newer; set PYTHON=/path/to/python3.11")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: $(READY)   ## the main job on the built-in world: tables, pictures and a page
+	$(BIN)/intervis demo --out $(OUT)
+
+test: lint types $(READY)   ## lint, types, tests, doctests
+	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow'
+
+test-slow: $(READY)   ## the slow cases
+	$(BIN)/python -m pytest -n $(JOBS) -m slow
+
+lint: $(READY)   ## ruff
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(READY)   ## mypy, strict on the package
+	$(BIN)/mypy
+
+bench: $(READY)   ## timings, as medians; never part of the tests
+	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only -p no:xdist
+
+clean:           ## the environment and everything made
+	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,72 @@
+"""One moment of a drive: a scan, what its points carry, and where camera and vehicle were."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.arrays import Float32Array, Float64Array
+from intervis.camera import Camera
+from intervis.errors import DriveError, MissingExtraError
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame of a drive.
+
+    Attributes
+    ----------
+    number : int
+        The frame's number in its drive; never a list position.
+    points : (N, 3) float32 array
+        The raw scan in the sensor's frame, metres, row for row as in the file: rows with
+        non-finite coordinates are kept, so that an index into `points` is an index into the file.
+    attributes : mapping of str to (N,) array
+        What the points carry beside coordinates (``intensity``, ``ring``, ``time`` ...).
+    camera, cam_from_velo : Camera, (4, 4) float64 array, or None
+        The drive's chosen camera, and the way from the sensor to its rectified frame.
+    pose : (4, 4) float64 array or None
+        world_from_velo.
+    stamp_ns : int or None
+        Time of the scan, nanoseconds.
+    image_path : Path or None
+        The camera's picture of this moment.
+    scan_path : Path or None
+        The file the points came from.
+    """
+
+    number: int
+    points: Float32Array
+    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    camera: Camera | None = None
+    cam_from_velo: Float64Array | None = None
+    pose: Float64Array | None = None
+    stamp_ns: int | None = None
+    image_path: Path | None = None
+    scan_path: Path | None = None
+
+    @property
+    def image(self) -> NDArray[np.uint8] | None:
+        """(H, W, 3) uint8 picture, decoded now; None where the frame has none.
+
+        Raises
+        ------
+        MissingExtraError
+            Pillow (extra ``plots``) is not installed.
+        DriveError
+            The file is no readable picture.
+        """
+        if self.image_path is None:
+            return None
+        try:
+            from PIL import Image
+        except ImportError:
+            raise MissingExtraError("pillow", "plots", "Decoding an image") from None
+        try:
+            with Image.open(self.image_path) as picture:
+                return np.asarray(picture.convert("RGB"))
+        except OSError as error:
+            raise DriveError(f"cannot read the image {self.image_path}: {error}.") from None

@@ -1,0 +1,65 @@
+"""Compiled kernels: one place decides how they are compiled, cached and spread over threads.
+
+Kernels release the interpreter lock and are spread by `in_parts` over plain threads. That needs
+none of numba's threading layers, so nothing warns about an old TBB and any thread may call.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any, TypeVar, cast
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function on its first call, to disk where a cache can be written."""
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    try:
+        compiled = numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # no folder can hold a cache: compile in memory, every time
+        compiled = numba.njit(**options)(function)
+    return cast(Function, compiled)
+
+
+def thread_count() -> int:
+    """How many threads kernels run on: the cores this process may use, or INTERVIS_THREADS."""
+    asked = os.environ.get("INTERVIS_THREADS", "")
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="intervis")
+
+
+def in_parts(work: Callable[[int, int], object], count: int, least: int = 4096) -> None:
+    """Call ``work(start, stop)`` over parts of ``range(count)``, on several threads at once.
+
+    Parameters
+    ----------
+    work : callable
+        Must release the interpreter lock (a `kernel`) and write to its own part of the output.
+    count : int
+        Number of items in all.
+    least : int
+        Parts smaller than this are not worth a thread.
+    """
+    threads = min(thread_count(), max(1, count // least))
+    if threads == 1:
+        work(0, count)
+        return
+    # More parts than threads: the parts differ in cost, and a free thread takes the next one.
+    parts = threads * 4
+    bounds = [count * part // parts for part in range(parts + 1)]
+    for done in [
+        _pool(threads).submit(work, start, stop)
+        for start, stop in zip(bounds[:-1], bounds[1:], strict=True)
+        if stop > start
+    ]:
+        done.result()

@@ -1,0 +1,90 @@
+"""Rigid motions as 4x4 matrices, named `destination_from_origin`: adjacent names cancel.
+
+``points_cam = transform(cam_from_velo, points_velo)``, and
+``image_from_velo = image_from_cam @ cam_from_velo``.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from intervis.arrays import Float64Array, FloatArray
+from intervis.errors import PoseError
+
+ROTATION_TOLERANCE = 1e-3
+"""How far R R^T may be from the identity: KITTI prints its rotations with seven digits."""
+
+
+def checked_pose(pose: ArrayLike, name: str = "pose") -> Float64Array:
+    """A rigid motion as a (4, 4) float64 array.
+
+    Parameters
+    ----------
+    pose : (4, 4) or (3, 4) array
+        Rotation and translation, metres.
+
+    Raises
+    ------
+    PoseError
+        Wrong shape, non-finite entries, a rotation part that is no rotation (a mirror, a scale, a
+        shear), or a last row other than 0 0 0 1.
+
+    Examples
+    --------
+    >>> checked_pose(np.eye(4)[:3]).shape
+    (4, 4)
+    """
+    try:
+        matrix = np.array(pose, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise PoseError(f"{name} must be a 4x4 matrix of numbers.") from None
+    if matrix.shape == (3, 4):
+        matrix = np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]])
+    if matrix.shape != (4, 4):
+        raise PoseError(f"{name} must have the shape (4, 4) or (3, 4), got {matrix.shape}.")
+    if not np.isfinite(matrix).all():
+        raise PoseError(f"{name} holds NaN or infinite entries.")
+    rotation = matrix[:3, :3]
+    if (
+        np.abs(rotation @ rotation.T - np.eye(3)).max() > ROTATION_TOLERANCE
+        or np.linalg.det(rotation) < 0
+    ):
+        raise PoseError(
+            f"{name} is not a rigid motion: its upper left 3x3 block must be a rotation"
+            " (orthonormal, determinant +1)."
+        )
+    if np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > ROTATION_TOLERANCE:
+        raise PoseError(f"{name} is not a rigid motion: its last row must be 0 0 0 1.")
+    return matrix
+
+
+def rigid(rotation: ArrayLike, translation_m: ArrayLike) -> Float64Array:
+    """The 4x4 matrix of a rotation (3, 3) and a translation (3,) in metres."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation
+    matrix[:3, 3] = np.asarray(translation_m, dtype=np.float64).reshape(3)
+    return matrix
+
+
+def inverse(pose: Float64Array) -> Float64Array:
+    """The inverse of a rigid motion: ``inverse(a_from_b)`` is ``b_from_a``.
+
+    Examples
+    --------
+    >>> a_from_b = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [1.0, 2.0, 3.0])
+    >>> np.allclose(inverse(a_from_b) @ a_from_b, np.eye(4))
+    True
+    """
+    # A calibrated rotation is orthonormal only to its printed digits: invert it, do not transpose.
+    return np.linalg.inv(pose)
+
+
+def transform(pose: Float64Array, points: FloatArray) -> Float64Array:
+    """Points (..., 3) carried by a rigid motion (4, 4), in float64.
+
+    Examples
+    --------
+    >>> transform(rigid(np.eye(3), [1.0, 0.0, 0.0]), np.zeros((2, 3)))
+    array([[1., 0., 0.],
+           [1., 0., 0.]])
+    """
+    return np.asarray(points, dtype=np.float64) @ pose[:3, :3].T + pose[:3, 3]
