@@ -1,0 +1,325 @@
+"""The whole method on one screen: from a raw scan to the intervisible region."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
+
+from intervis.arrays import (
+    BoolArray,
+    Float64Array,
+    FloatArray,
+    IntArray,
+    checked_point,
+    checked_points,
+)
+from intervis.camera import Camera
+from intervis.errors import CameraError, PointsError, SettingsError
+from intervis.method import graph
+from intervis.method.criteria import apply_criteria, intervisible_region, reachable_tree
+from intervis.method.field_of_view import VIEW_ANGLE_DEG, FieldOfView, in_angle, in_camera
+from intervis.method.measures import Measures, Record, measure
+from intervis.method.mesh import build_mesh, star_centroids
+from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
+from intervis.method.surface import build_surface
+from intervis.settings import Settings
+from intervis.transform import checked_pose, inverse, transform
+
+
+@dataclass(frozen=True)
+class StageTimes(Record):
+    """Seconds that each stage took; S1, S2 and S3 are the paper's (Table 3).
+
+    Attributes
+    ----------
+    fov, sampling : float
+        Field of view; sampling.
+    S1, S2, S3 : float
+        Manifold auxiliary surface; finite elements; spectral analysis and criteria.
+    total : float
+        Raw scan to region.
+    """
+
+    fov: float
+    sampling: float
+    S1: float
+    S2: float
+    S3: float
+    total: float
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """Intervisibility of one scan. V nodes, E edges, F triangles.
+
+    Attributes
+    ----------
+    settings : Settings
+    viewpoint : (3,) float64 array
+        The meta-viewpoint P0, sensor frame, metres.
+    in_view : (n_fov,) int64 array
+        Rows of the raw scan in the field of view.
+    nodes : (V,) int64 array
+        Rows of the raw scan that are nodes.
+    node_points : (V, 3) float64 array
+        Their coordinates, sensor frame, metres.
+    metric : str
+        The metric in force.
+    chart : (V, 2) float64 array
+        Positions on the manifold auxiliary surface.
+    flow_distance : (V,) float64 array
+        D' from P0.
+    edges : (E, 2) int64 array
+        Indices into nodes, smaller one first.
+    edge_length : (E,) float64 array
+        D between an edge's ends.
+    edge_weight : (E,) float64 array
+        Weights of the Laplacian.
+    triangles : (F, 3) int64 array
+        Indices into nodes.
+    node_intervisible, edge_intervisible, region : (V,), (E,), (F,) bool arrays
+        Intervisibility points and edges, and the triangles of the intervisible region.
+    handed_over : (V,) bool array
+        Nodes on a concave boundary (Algorithm 1, lines 2 to 4).
+    tree_parent : (V,) int64 array
+        The reachable tree: the node before each, -1 at its starts, -2 where it does not reach.
+    cut : float
+        The decomposition SD (Eq. 12).
+    measures : Measures
+    times : StageTimes
+    """
+
+    settings: Settings
+    viewpoint: Float64Array
+    in_view: IntArray
+    nodes: IntArray
+    node_points: Float64Array
+    metric: str
+    chart: Float64Array
+    flow_distance: Float64Array
+    edges: IntArray
+    edge_length: Float64Array
+    edge_weight: Float64Array
+    triangles: IntArray
+    node_intervisible: BoolArray
+    edge_intervisible: BoolArray
+    region: BoolArray
+    handed_over: BoolArray
+    tree_parent: IntArray
+    cut: float
+    measures: Measures
+    times: StageTimes
+
+    @cached_property
+    def adjacency(self) -> csr_array:
+        """(V, V) sparse adjacency matrix A."""
+        return graph.adjacency(self.edges, self.edge_weight, len(self.nodes))
+
+    @property
+    def laplacian(self) -> csr_array:
+        """(V, V) sparse Laplacian L = D - A (Eq. 9)."""
+        return graph.laplacian(self.adjacency)
+
+    @property
+    def normalized_laplacian(self) -> csr_array:
+        """(V, V) sparse normalised Laplacian (Eq. 10)."""
+        return graph.normalized_laplacian(self.adjacency)
+
+    def fiedler_cut(self) -> float:
+        """SD (Eq. 12) of the cut that the Fiedler vector would make: the graph's own bottleneck."""
+        return graph.cut(self.edges, self.edge_weight, graph.fiedler_side(self.adjacency))
+
+
+def analyze(
+    points: ArrayLike,
+    *,
+    camera: Camera | None = None,
+    cam_from_velo: ArrayLike | None = None,
+    viewpoint: ArrayLike | None = None,
+    settings: Settings | None = None,
+) -> Analysis:
+    """Intervisibility points, edges and region of one scan (Bai, Li and Cen 2021, Sec. 2).
+
+    Parameters
+    ----------
+    points : (N, 3) or (N, 4) float array
+        Raw scan, sensor frame (x forward, y left, z up), metres. Rows with NaN or infinite
+        coordinates are left out and counted.
+    camera, cam_from_velo : Camera and (4, 4) array, or None
+        The camera whose field of view counts. Without one, or with ``settings.view`` other than
+        "camera", the view is a named opening around the sensor's x axis.
+    viewpoint : (3,) array or None
+        Meta-viewpoint P0, sensor frame, metres; None is the camera's centre (without a camera,
+        the sensor).
+    settings : Settings or None
+
+    Raises
+    ------
+    PointsError
+        `points` or `viewpoint` are malformed, or no return is in view.
+    PoseError, CameraError
+        `cam_from_velo` is no rigid motion, or one of `camera` and `cam_from_velo` is missing.
+
+    References
+    ----------
+    L. Bai, Y. Li, M. Cen, "Dynamic Intervisibility Analysis of 3D Point Clouds", ISPRS Int. J.
+    Geo-Inf. 10 (2021).
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> ground = np.column_stack([rng.uniform(5, 40, (500, 2)), np.full(500, -1.7)])
+    >>> result = analyze(ground, settings=Settings(tau=5, criterion="sight_angle"))
+    >>> result.measures.n, result.measures.SP == result.measures.N + result.measures.n - 1
+    (100, True)
+    """
+    settings = Settings() if settings is None else settings
+    raw = checked_points(points)
+    cam_from_velo = _checked_mount(camera, cam_from_velo)
+    clock = _Clock()
+
+    # Sec. 2.1: the field of view (Eq. 1, 2), and its sampling by a kernel of granularity tau
+    view = _field_of_view(raw, camera, cam_from_velo, settings.view)
+    origin = _meta_viewpoint(viewpoint, camera, cam_from_velo)
+    in_view = raw[view.index].astype(np.float64)
+    clock.lap("fov")
+    sampled = _sample(in_view, origin, settings)
+    nodes, position = view.index[sampled], in_view[sampled]
+    clock.lap("sampling")
+
+    # Sec. 2.2: the manifold auxiliary surface (Eq. 3 to 8)
+    surface = build_surface(
+        position,
+        origin,
+        metric=settings.metric,
+        chart=settings.chart,
+        cohesion=settings.cohesion,
+        repulsion=settings.repulsion,
+        influence_radius=settings.influence_radius,
+    )
+    clock.lap("S1")
+
+    # Sec. 2.3: finite elements, and the centroid of each node's subgraph (Eq. 14)
+    mesh = build_mesh(surface.chart)
+    y = surface.metric_position
+    length = np.linalg.norm(y[mesh.edges[:, 0]] - y[mesh.edges[:, 1]], axis=1)
+    to_centroid = np.linalg.norm(y - star_centroids(mesh, y), axis=1)
+    clock.lap("S2")
+
+    # Sec. 2.3: MPCS and Algorithm 1 (Eq. 13), region, tree, and the cut SD (Eq. 12)
+    verdict = apply_criteria(
+        position,
+        origin,
+        mesh.edges,
+        length,
+        surface.flow_distance,
+        to_centroid,
+        gate=settings.gate,
+        criterion=settings.criterion,
+    )
+    region = intervisible_region(mesh.triangles, mesh.edges, verdict.node, verdict.edge)
+    tree = reachable_tree(
+        mesh.edges, length, surface.flow_distance, surface.flow_parent, verdict.node, verdict.edge
+    )
+    weight = length if settings.weights == "length" else np.ones(len(length))
+    cut = graph.cut(mesh.edges, weight, verdict.node)
+    clock.lap("S3")
+
+    return Analysis(
+        settings=settings,
+        viewpoint=origin,
+        in_view=view.index,
+        nodes=nodes,
+        node_points=position,
+        metric=surface.metric,
+        chart=surface.chart,
+        flow_distance=surface.flow_distance,
+        edges=mesh.edges,
+        edge_length=length,
+        edge_weight=weight,
+        triangles=mesh.triangles,
+        node_intervisible=verdict.node,
+        edge_intervisible=verdict.edge,
+        region=region,
+        handed_over=verdict.handed_over,
+        tree_parent=tree,
+        cut=cut,
+        # Eq. 15 to 17
+        measures=measure(
+            n_raw=view.n_raw,
+            n_dropped=view.n_dropped,
+            n_fov=len(view.index),
+            n=len(nodes),
+            elements=len(mesh.triangles),
+            edges=len(mesh.edges),
+            intervisible=int(verdict.edge.sum()),
+        ),
+        times=clock.times(),
+    )
+
+
+class _Clock:
+    """Laps of one run through the stages."""
+
+    def __init__(self) -> None:
+        self._last = perf_counter()
+        self._laps: dict[str, float] = {}
+
+    def lap(self, stage: str) -> None:
+        now = perf_counter()
+        self._laps[stage] = now - self._last
+        self._last = now
+
+    def times(self) -> StageTimes:
+        return StageTimes(**self._laps, total=sum(self._laps.values()))
+
+
+def _checked_mount(camera: Camera | None, cam_from_velo: ArrayLike | None) -> Float64Array | None:
+    """The camera's mounting, where there is a camera."""
+    if camera is None:
+        return None
+    if cam_from_velo is None:
+        raise CameraError("a camera needs cam_from_velo, the 4x4 way from the sensor to it.")
+    return checked_pose(cam_from_velo, "cam_from_velo")
+
+
+def _field_of_view(
+    raw: FloatArray, camera: Camera | None, cam_from_velo: Float64Array | None, view: str
+) -> FieldOfView:
+    if view == "camera" and camera is not None and cam_from_velo is not None:
+        found = in_camera(raw, camera, cam_from_velo)
+        where = f"of the camera {camera.name!r}"
+    else:
+        opening_deg = VIEW_ANGLE_DEG.get(view, 360.0)
+        found = in_angle(raw, opening_deg)
+        where = f"in the {opening_deg:.0f} degrees around the x axis"
+    if len(found.index) == 0:
+        raise PointsError(
+            f"no return is in view {where}: of {len(raw)} rows {found.n_raw} are finite; check"
+            " cam_from_velo and that x points forward, y left and z up."
+        )
+    return found
+
+
+def _meta_viewpoint(
+    viewpoint: ArrayLike | None, camera: Camera | None, cam_from_velo: Float64Array | None
+) -> Float64Array:
+    if viewpoint is not None:
+        return checked_point(viewpoint)
+    if camera is not None and cam_from_velo is not None:
+        return transform(inverse(cam_from_velo), camera.centre_cam)
+    return np.zeros(3)
+
+
+def _sample(in_view: Float64Array, viewpoint: Float64Array, settings: Settings) -> IntArray:
+    if settings.sampling == "radius":
+        return sample_radius(in_view, settings.radius_m)
+    tau = settings.tau
+    if tau == "auto":
+        raise SettingsError("tau='auto' is not there yet: give tau as a number, for example 35.")
+    if settings.sampling == "stride":
+        return sample_stride(len(in_view), tau)
+    return sample_kernels(in_view, tau, viewpoint)

@@ -1,0 +1,198 @@
+"""MPCS and Algorithm 1: which points, edges and triangles are intervisible (Sec. 2.3, Eq. 13).
+
+Every undirected edge is looked at from both of its ends. A half edge leads from a node i (its
+source) to a neighbour j (its target); with E edges, half edge k and half edge k + E are the two
+directions of edge k.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from intervis.arrays import BoolArray, Float64Array, IntArray
+
+THETA_2_DEG = 90.0
+"""The straight dihedral angle between the planes P_i and P_v of the MPCS."""
+
+ROOT = -1
+NOT_REACHED = -2
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What Algorithm 1 says of V nodes and E edges.
+
+    Attributes
+    ----------
+    gate : (2E,) bool array
+        Half edges that pass line 1: l1 < D_min < l3.
+    handed_over : (V,) bool array
+        Nodes on a concave boundary, which hand over to their nearest neighbour (lines 2 to 4).
+    judged : (2E,) bool array
+        Half edges whose target is judged intervisible from their source (lines 5 to 9).
+    node : (V,) bool array
+        Intervisibility points: not handed over, through the gate, a neighbour judged intervisible.
+    edge : (E,) bool array
+        Intervisible edges: both ends are intervisibility points, and the gate holds both ways.
+    """
+
+    gate: BoolArray
+    handed_over: BoolArray
+    judged: BoolArray
+    node: BoolArray
+    edge: BoolArray
+
+
+def apply_criteria(
+    points: Float64Array,
+    viewpoint: Float64Array,
+    edges: IntArray,
+    length: Float64Array,
+    flow_distance: Float64Array,
+    centroid_distance: Float64Array,
+    *,
+    gate: str = "degree",
+    criterion: str = "elevation",
+) -> Verdict:
+    """Algorithm 1 over all nodes at once.
+
+    Parameters
+    ----------
+    points : (V, 3) float64 array
+        Nodes, sensor frame (z up), metres.
+    viewpoint : (3,) float64 array
+        P0, metres.
+    edges : (E, 2) int64 array
+    length : (E,) float64 array
+        l1 of each edge: D between its ends.
+    flow_distance : (V,) float64 array
+        l3 of each node: D' from P0.
+    centroid_distance : (V,) float64 array
+        l_gc: D from each node to the centroid of its subgraph; NaN where it has no triangle.
+    gate, criterion
+        See `intervis.Settings`.
+    """
+    nodes = len(points)
+    source = np.concatenate([edges[:, 0], edges[:, 1]])
+    target = np.concatenate([edges[:, 1], edges[:, 0]])
+    l1 = np.concatenate([length, length])
+    l_gc = np.nan_to_num(centroid_distance, nan=0.0)
+
+    # Line 1: the edge is shorter than the threshold of the subgraph, and that than the sight line.
+    threshold = shortest_radius(source, l1, nodes, target, gate)
+    if gate == "none":
+        passes = np.ones(len(l1), bool)
+    else:
+        passes = (l1 < threshold[source]) & (threshold[source] < flow_distance[source])
+
+    # Lines 2 to 4: where every edge is shorter than the way to the centroid, the node sits on a rim.
+    longest = np.zeros(nodes)
+    np.maximum.at(longest, source, l1)
+    handed_over = (longest < l_gc) & (longest > 0)
+
+    # Lines 5 to 9: beyond and higher is seen over i, in front and lower does not cover i.
+    theta_1_deg = sight_angle_deg(points, viewpoint, source, target)
+    height = elevation_angle_rad(points, viewpoint) if criterion == "sight_angle" else points[:, 2]
+    rise = height[target] - height[source]
+    seen_over = (theta_1_deg - THETA_2_DEG > 0) & (rise > 0)
+    seen_before = (theta_1_deg - THETA_2_DEG < 0) & (rise < 0)
+    judged = passes & ~handed_over[source] & (l1 > l_gc[source]) & (seen_over | seen_before)
+
+    node = np.zeros(nodes, bool)
+    node[source[judged]] = True
+    both_ways = passes[: len(edges)] & passes[len(edges) :]
+    edge = node[edges[:, 0]] & node[edges[:, 1]] & both_ways
+    return Verdict(gate=passes, handed_over=handed_over, judged=judged, node=node, edge=edge)
+
+
+def shortest_radius(
+    source: IntArray, l1: Float64Array, nodes: int, target: IntArray, reading: str
+) -> Float64Array:
+    """(V,) D_min, "the minimum degree of the adjacency matrix of the subgraph", in one reading.
+
+    ``degree`` is the weighted degree of the node, the row sum of its edge lengths: the reading
+    that reproduces the paper's Table 2. ``mean`` and ``shortest`` take the mean and the shortest
+    edge of the star, ``star_minimum`` the least weighted degree among the node and its neighbours.
+    """
+    degree = np.bincount(source, l1, minlength=nodes)
+    if reading == "mean":
+        return degree / np.maximum(np.bincount(source, minlength=nodes), 1)
+    if reading in ("shortest", "star_minimum"):
+        least = degree.copy() if reading == "star_minimum" else np.full(nodes, np.inf)
+        np.minimum.at(least, source, degree[target] if reading == "star_minimum" else l1)
+        return least
+    return degree
+
+
+def sight_angle_deg(
+    points: Float64Array, viewpoint: Float64Array, source: IntArray, target: IntArray
+) -> Float64Array:
+    """(M,) theta_1 (Eq. 13): the angle at i between the directions to P0 and to j, 0 to 180.
+
+    Where P0 or j coincides with i the angle is not defined: NaN, which no criterion accepts.
+    """
+    to_viewpoint = viewpoint - points[source]
+    to_neighbour = points[target] - points[source]
+    dot = np.einsum("ij,ij->i", to_viewpoint, to_neighbour)
+    norms = np.linalg.norm(to_viewpoint, axis=1) * np.linalg.norm(to_neighbour, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.rad2deg(np.arccos(np.clip(dot / norms, -1.0, 1.0)))
+
+
+def elevation_angle_rad(points: Float64Array, viewpoint: Float64Array) -> Float64Array:
+    """(V,) elevation angle of each point as seen from the viewpoint."""
+    offset = points - viewpoint
+    return np.arctan2(offset[:, 2], np.hypot(offset[:, 0], offset[:, 1]))
+
+
+def intervisible_region(
+    triangles: IntArray, edges: IntArray, node: BoolArray, edge: BoolArray
+) -> BoolArray:
+    """(F,) triangles with three intervisibility points and at least two intervisible edges."""
+    if len(triangles) == 0:
+        return np.zeros(0, bool)
+    nodes = len(node)
+    start, stop = triangles, np.roll(triangles, -1, axis=1)
+    key = np.minimum(start, stop) * nodes + np.maximum(start, stop)
+    which = np.searchsorted(edges[:, 0] * nodes + edges[:, 1], key)
+    return node[triangles].all(axis=1) & (edge[which].sum(axis=1) >= 2)
+
+
+def reachable_tree(
+    edges: IntArray,
+    length: Float64Array,
+    flow_distance: Float64Array,
+    flow_parent: IntArray,
+    node: BoolArray,
+    edge: BoolArray,
+) -> IntArray:
+    """The tree of shortest ways from P0 along intervisible edges, outward.
+
+    It starts at the intervisibility points that P0 reaches directly (where there are none, at the
+    nearest one).
+
+    Returns
+    -------
+    (V,) int64 array
+        The node before each node; -1 for a node the tree starts at, -2 for one it does not reach.
+    """
+    count = len(node)
+    parent = np.full(count, NOT_REACHED)
+    starts = np.flatnonzero(node & (flow_parent < 0))
+    if not len(starts) and node.any():
+        starts = np.flatnonzero(node)[[np.argmin(flow_distance[node])]]
+    if not len(starts):
+        return parent
+    chosen = edges[edge]
+    # P0 joins the graph as one more node; a way of length 0 would read as no edge.
+    way = np.maximum(flow_distance[starts], np.finfo(np.float64).tiny)
+    row = np.concatenate([chosen[:, 0], np.full(len(starts), count)])
+    column = np.concatenate([chosen[:, 1], starts])
+    weight = np.concatenate([np.maximum(length[edge], np.finfo(np.float64).tiny), way])
+    graph = csr_array((weight, (row, column)), shape=(count + 1, count + 1))
+    before = dijkstra(graph, directed=False, indices=count, return_predecessors=True)[1][:count]
+    reached = before >= 0
+    parent[reached] = np.where(before[reached] == count, ROOT, before[reached])
+    return parent

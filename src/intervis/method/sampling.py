@@ -1,0 +1,304 @@
+"""Sampling with a spherical kernel of granularity tau (paper Sec. 2.1).
+
+tau is a number of points: the paper's tables give n = ceil(n_fov / tau) in every row. A kernel is
+a compact group of tau neighbouring returns; each gives one node, a real return.
+"""
+
+import numpy as np
+
+from intervis.arrays import Float64Array, IntArray
+from intervis.kernels import kernel
+
+
+def sample_kernels(points: Float64Array, tau: int, viewpoint: Float64Array) -> IntArray:
+    """One node for each kernel of tau neighbouring points: exactly ceil(n / tau) nodes.
+
+    The points are halved again and again across their longest principal axis, near side first,
+    each time at a whole number of kernels. So every kernel but one holds exactly tau points, the
+    kernels are compact, consecutive kernels are neighbours, the work is O(n log n), and the result
+    does not depend on the order of the points nor on how the axes of the frame are turned.
+
+    Parameters
+    ----------
+    points : (n, 3) float64 array
+        Points in view, metres.
+    tau : int
+        Points in one kernel.
+    viewpoint : (3,) float64 array
+        The meta-viewpoint P0: tells the near side from the far side.
+
+    Returns
+    -------
+    (ceil(n / tau),) int64 array
+        Rows of `points`: the member of each kernel that is nearest to the kernel's mean,
+        ascending.
+
+    Examples
+    --------
+    >>> line = np.array([[float(x), 0.0, 0.0] for x in range(7)])
+    >>> sample_kernels(line, 3, np.zeros(3))
+    array([1, 4, 6])
+    """
+    if tau == 1 or len(points) == 0:
+        return np.arange(len(points))
+    order = np.arange(len(points))
+    starts = _partition(points, order, tau, viewpoint)
+    nodes = _nearest_to_mean(points, order, starts)
+    nodes.sort()
+    return nodes
+
+
+def sample_stride(count: int, tau: int) -> IntArray:
+    """Every tau-th return: ceil(count / tau) nodes, the cheapest choice that fits the tables.
+
+    Examples
+    --------
+    >>> sample_stride(7, 3)
+    array([0, 3, 6])
+    """
+    return np.arange(0, count, tau)
+
+
+def sample_radius(points: Float64Array, radius_m: float) -> IntArray:
+    """One node for each ball of a metric radius, taken greedily in scan order.
+
+    A point that no ball holds yet starts the next ball; the node is the member nearest to the
+    mean of the points the ball takes in. Every point lies within `radius_m` of its ball's start.
+
+    Returns
+    -------
+    (V,) int64 array
+        Rows of `points`, ascending.
+
+    Examples
+    --------
+    >>> sample_radius(np.array([[0.0, 0, 0], [0.1, 0, 0], [5, 0, 0]]), 1.0)
+    array([0, 2])
+    """
+    if len(points) == 0:
+        return np.arange(0)
+    cell = np.floor((points - points.min(axis=0)) / radius_m).astype(np.int64)
+    # A border of empty cells keeps the 27 neighbours of a cell from wrapping to another row.
+    strides = np.cumprod(np.array([1, *(cell.max(axis=0)[:2] + 3)]))
+    key = (cell + 1) @ strides
+    by_cell = np.argsort(key, kind="stable")
+    cells, first = np.unique(key[by_cell], return_index=True)
+    offsets = (
+        np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]) @ strides
+    )
+    ball = _cover(points, radius_m, key, by_cell, cells, np.append(first, len(key)), offsets)
+    order = np.argsort(ball, kind="stable")
+    starts = np.searchsorted(ball[order], np.arange(ball.max() + 2))
+    nodes = _nearest_to_mean(points, order, starts)
+    nodes.sort()
+    return nodes
+
+
+@kernel
+def _partition(
+    points: Float64Array, order: IntArray, tau: int, viewpoint: Float64Array
+) -> IntArray:
+    """Sort `order` into kernels in place; where each kernel starts, and one last entry n."""
+    n = order.shape[0]
+    kernels = (n + tau - 1) // tau
+    starts = np.empty(kernels + 1, np.int64)
+    starts[kernels] = n
+    projection = np.empty(n)
+    stack = np.empty((64, 2), np.int64)  # first kernel and number of kernels, still to be halved
+    stack[0, 0] = 0
+    stack[0, 1] = kernels
+    depth = 1
+    while depth > 0:
+        depth -= 1
+        first = stack[depth, 0]
+        count = stack[depth, 1]
+        start = first * tau
+        if count == 1:
+            starts[first] = start
+            continue
+        stop = min((first + count) * tau, n)
+        near = count // 2
+        _project(points, order, start, stop, viewpoint, projection)
+        _select(order, projection, start, stop, start + near * tau)
+        stack[depth, 0] = first + near
+        stack[depth, 1] = count - near
+        stack[depth + 1, 0] = first
+        stack[depth + 1, 1] = near
+        depth += 2
+    return starts
+
+
+@kernel
+def _project(
+    points: Float64Array,
+    order: IntArray,
+    start: int,
+    stop: int,
+    viewpoint: Float64Array,
+    projection: Float64Array,
+) -> None:
+    """Coordinates along the longest principal axis of order[start:stop], away from P0."""
+    mx = my = mz = 0.0
+    for k in range(start, stop):
+        i = order[k]
+        mx += points[i, 0]
+        my += points[i, 1]
+        mz += points[i, 2]
+    count = stop - start
+    mx /= count
+    my /= count
+    mz /= count
+    xx = xy = xz = yy = yz = zz = 0.0
+    for k in range(start, stop):
+        i = order[k]
+        x = points[i, 0] - mx
+        y = points[i, 1] - my
+        z = points[i, 2] - mz
+        xx += x * x
+        xy += x * y
+        xz += x * z
+        yy += y * y
+        yz += y * z
+        zz += z * z
+    ax, ay, az = _longest_axis(xx, xy, xz, yy, yz, zz)
+    away = ax * (mx - viewpoint[0]) + ay * (my - viewpoint[1]) + az * (mz - viewpoint[2])
+    if away < 0.0:
+        ax, ay, az = -ax, -ay, -az
+    for k in range(start, stop):
+        i = order[k]
+        projection[k] = ax * points[i, 0] + ay * points[i, 1] + az * points[i, 2]
+
+
+@kernel
+def _longest_axis(
+    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
+) -> tuple[float, float, float]:
+    """Unit eigenvector of the largest eigenvalue of a symmetric 3x3 matrix (Jacobi's method)."""
+    a = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    v = np.eye(3)
+    for _ in range(12):
+        off = a[0, 1] * a[0, 1] + a[0, 2] * a[0, 2] + a[1, 2] * a[1, 2]
+        if off <= 1e-24 * (a[0, 0] + a[1, 1] + a[2, 2]) ** 2:
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if a[p, q] == 0.0:
+                    continue
+                ratio = (a[q, q] - a[p, p]) / (2.0 * a[p, q])
+                sign = 1.0 if ratio >= 0.0 else -1.0
+                t = sign / (abs(ratio) + np.sqrt(ratio * ratio + 1.0))
+                c = 1.0 / np.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(3):
+                    kp = a[k, p]
+                    kq = a[k, q]
+                    a[k, p] = c * kp - s * kq
+                    a[k, q] = s * kp + c * kq
+                for k in range(3):
+                    pk = a[p, k]
+                    qk = a[q, k]
+                    a[p, k] = c * pk - s * qk
+                    a[q, k] = s * pk + c * qk
+                    kp = v[k, p]
+                    kq = v[k, q]
+                    v[k, p] = c * kp - s * kq
+                    v[k, q] = s * kp + c * kq
+    best = 0
+    if a[1, 1] > a[best, best]:
+        best = 1
+    if a[2, 2] > a[best, best]:
+        best = 2
+    return v[0, best], v[1, best], v[2, best]
+
+
+@kernel
+def _select(order: IntArray, value: Float64Array, start: int, stop: int, target: int) -> None:
+    """Quickselect: bring the smaller values of [start, stop) before position `target`."""
+    low = start
+    high = stop - 1
+    while low < high:
+        # Median of three as the pivot: sorted and reversed input stay linear.
+        middle = (low + high) // 2
+        a, b, c = value[low], value[middle], value[high]
+        pivot = max(min(a, b), min(max(a, b), c))
+        i = low
+        j = high
+        while i <= j:
+            while value[i] < pivot:
+                i += 1
+            while value[j] > pivot:
+                j -= 1
+            if i <= j:
+                value[i], value[j] = value[j], value[i]
+                order[i], order[j] = order[j], order[i]
+                i += 1
+                j -= 1
+        if target <= j:
+            high = j
+        elif target >= i:
+            low = i
+        else:
+            return
+
+
+@kernel
+def _nearest_to_mean(points: Float64Array, order: IntArray, starts: IntArray) -> IntArray:
+    """For each kernel order[starts[k]:starts[k + 1]], its member nearest to its mean."""
+    nodes = np.empty(starts.shape[0] - 1, np.int64)
+    for k in range(nodes.shape[0]):
+        count = starts[k + 1] - starts[k]
+        mx = my = mz = 0.0
+        for m in range(starts[k], starts[k + 1]):
+            mx += points[order[m], 0]
+            my += points[order[m], 1]
+            mz += points[order[m], 2]
+        mx /= count
+        my /= count
+        mz /= count
+        best = np.inf
+        node = order[starts[k]]
+        for m in range(starts[k], starts[k + 1]):
+            i = order[m]
+            dx = points[i, 0] - mx
+            dy = points[i, 1] - my
+            dz = points[i, 2] - mz
+            square = dx * dx + dy * dy + dz * dz
+            if square < best or (square == best and i < node):
+                best = square
+                node = i
+        nodes[k] = node
+    return nodes
+
+
+@kernel
+def _cover(
+    points: Float64Array,
+    radius_m: float,
+    key: IntArray,
+    by_cell: IntArray,
+    cells: IntArray,
+    first: IntArray,
+    offsets: IntArray,
+) -> IntArray:
+    """Number of the ball that takes in each point."""
+    n = points.shape[0]
+    ball = np.full(n, -1, np.int64)
+    balls = 0
+    for i in range(n):
+        if ball[i] >= 0:
+            continue
+        for offset in offsets:
+            c = np.searchsorted(cells, key[i] + offset)
+            if c == cells.shape[0] or cells[c] != key[i] + offset:
+                continue
+            for m in range(first[c], first[c + 1]):
+                j = by_cell[m]
+                if ball[j] >= 0:
+                    continue
+                dx = points[j, 0] - points[i, 0]
+                dy = points[j, 1] - points[i, 1]
+                dz = points[j, 2] - points[i, 2]
+                if dx * dx + dy * dy + dz * dz <= radius_m * radius_m:
+                    ball[j] = balls
+        balls += 1
+    return ball

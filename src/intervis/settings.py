@@ -1,0 +1,144 @@
+"""Settings of the method: frozen, validated, and read from or written to TOML."""
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from intervis.errors import SettingsError
+
+View = Literal["camera", "circle", "front", "wide"]
+Sampling = Literal["kernel", "stride", "radius"]
+Metric = Literal["mahalanobis", "normalized", "euclidean", "ground"]
+Chart = Literal["ground", "angles", "polar"]
+Weights = Literal["length", "unit"]
+Gate = Literal["degree", "mean", "shortest", "star_minimum", "none"]
+Criterion = Literal["elevation", "sight_angle"]
+
+
+class Settings(BaseModel):
+    """Every choice of the method, with the defaults that the measurements favour.
+
+    Attributes
+    ----------
+    view : {"camera", "circle", "front", "wide"}
+        What is in view: the camera's image (the full circle where a frame has no camera), the
+        full circle, or 90 or 180 degrees of azimuth ahead.
+    tau : int or "auto"
+        Granularity: how many returns one spherical kernel takes in. 1 keeps every return.
+    sampling : {"kernel", "stride", "radius"}
+        Balanced compact kernels, every tau-th return, or balls of `radius_m` metres.
+    radius_m : float
+        Size of a ball for ``sampling="radius"``, metres.
+    metric : {"mahalanobis", "normalized", "euclidean", "ground"}
+        The distance D: Eq. 4, Eq. 5, plain metres, or plain metres over the ground plane.
+    chart : {"ground", "angles", "polar"}
+        The two coordinates in which the mesh is built: the ground plane, azimuth and elevation
+        seen from the viewpoint, or azimuth and the logarithm of ground range.
+    cohesion, repulsion : float
+        The scale factors alpha (Eq. 3) and beta (Eq. 6).
+    influence_radius : float or None
+        Radius of Eq. 6 in units of D; None takes the median flow distance D' of the frame.
+    weights : {"length", "unit"}
+        Edge weights of the Laplacian (Eq. 9): the length D, or 1.
+    gate : {"degree", "mean", "shortest", "star_minimum", "none"}
+        How line 1 of Algorithm 1 reads D_min: the weighted degree of the node, the mean or the
+        shortest edge of its star, the least weighted degree in its star, or no gate.
+    criterion : {"elevation", "sight_angle"}
+        What lines 6 and 8 compare: elevations z (the paper), or elevation angles seen from the
+        viewpoint.
+
+    Raises
+    ------
+    SettingsError
+        A name is unknown (the nearest valid one is named) or a value is out of range.
+
+    Examples
+    --------
+    >>> Settings(tau=35).criterion
+    'elevation'
+    >>> Settings(taw=35)
+    Traceback (most recent call last):
+        ...
+    intervis.errors.SettingsError: unknown setting 'taw': did you mean 'tau'?
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    view: View = "camera"
+    tau: int | Literal["auto"] = 35
+    sampling: Sampling = "kernel"
+    radius_m: float = Field(default=0.5, gt=0, allow_inf_nan=False)
+    metric: Metric = "euclidean"
+    chart: Chart = "ground"
+    cohesion: float = Field(default=0.1, ge=0, le=1)
+    repulsion: float = Field(default=0.1, ge=0, allow_inf_nan=False)
+    influence_radius: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    weights: Weights = "length"
+    gate: Gate = "degree"
+    criterion: Criterion = "elevation"
+
+    def __init__(self, **values: Any) -> None:
+        for name in values:
+            if name not in type(self).model_fields:
+                raise SettingsError(f"unknown setting {name!r}: {_suggestion(name)}")
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise SettingsError(_first_complaint(error)) from None
+        if self.tau != "auto" and self.tau < 1:
+            raise SettingsError(f"setting 'tau' must be 1 or more, or 'auto', got {self.tau}.")
+
+    def with_changes(self, **values: Any) -> Self:
+        """A copy with some settings changed, validated like new ones."""
+        return type(self)(**{**self.model_dump(), **values})
+
+    @classmethod
+    def from_toml(cls, path: Path) -> Self:
+        """Read settings from a TOML file, as `to_toml` writes them.
+
+        Raises
+        ------
+        SettingsError
+            The file cannot be read, is no TOML, or holds an unknown or impossible setting.
+        """
+        try:
+            values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise SettingsError(f"cannot read the settings {path}: {error.strerror}.") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise SettingsError(f"{path} is no valid TOML: {error}.") from None
+        try:
+            return cls(**values)
+        except SettingsError as error:
+            raise SettingsError(f"{path}: {error}") from None
+
+    def to_toml(self) -> str:
+        """The settings as TOML; a setting that is None is left out.
+
+        Examples
+        --------
+        >>> print(Settings(tau=10).to_toml().splitlines()[1])
+        tau = 10
+        """
+        lines = []
+        for name, value in self.model_dump().items():
+            if value is not None:
+                lines.append(
+                    f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value}"
+                )
+        return "\n".join(lines) + "\n"
+
+
+def _suggestion(name: str) -> str:
+    close = difflib.get_close_matches(name, Settings.model_fields, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"the settings are {', '.join(Settings.model_fields)}."
+
+
+def _first_complaint(error: ValidationError) -> str:
+    first = error.errors()[0]
+    return f"setting {first['loc'][0]!r}: {first['msg'].lower()}, got {first['input']!r}."
