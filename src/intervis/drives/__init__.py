@@ -1,0 +1,94 @@
+"""Drives: where scans, cameras, poses and times come from, whatever the layout on disk.
+
+One module for each layout; each can find itself in a folder and read a `Drive` from it.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from intervis.drives import kitti_object, kitti_odometry, kitti_raw, scan_folder, single_scan
+from intervis.drives.drive import Drive
+from intervis.drives.frame import Frame
+from intervis.errors import DriveError
+
+__all__ = ["Drive", "Frame", "open_drive"]
+
+
+class _Layout(NamedTuple):
+    looked_for: str
+    find_root: Callable[[Path], Path | None]
+    read_drive: Callable[[Path, str | None], Drive]
+
+
+_LAYOUTS = tuple(
+    _Layout(module.LOOKED_FOR, module.find_root, module.read_drive)
+    for module in (kitti_raw, kitti_odometry, kitti_object, scan_folder)
+)
+
+
+def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Drive:
+    """A drive, its layout recognised from what lies at `path`.
+
+    Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
+    (a sequence), KITTI object (``training``), a folder of scans (optionally with ``poses.txt``),
+    and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes) or ``.ply``. Nothing in
+    these files is executed or unpickled, and no scan is read before it is asked for.
+
+    Parameters
+    ----------
+    path : path-like
+        A folder or a file.
+    camera : str, optional
+        Name of a camera (``image_03``), or its number. Default: the left colour camera, number 2.
+
+    Returns
+    -------
+    Drive
+
+    Raises
+    ------
+    DriveError
+        There is nothing at `path`, or no known layout (the message says what was looked for), or
+        no such camera.
+    CalibrationError
+        Calibration, poses or times are missing where they are needed, or a line does not parse.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for number in (3, 5):
+    ...         np.ones((7, 4), np.float32).tofile(f"{folder}/{number:06d}.bin")
+    ...     drive = open_drive(folder)
+    ...     drive.frame_numbers, drive[5].points.shape
+    ((3, 5), (7, 3))
+    """
+    given = Path(path).expanduser()
+    try:
+        if not given.exists():
+            raise DriveError(f"there is nothing at {given}: check the path.")
+        root = given.resolve()
+        if root.is_file():
+            return single_scan.read_drive(root, camera)
+        return _open_folder(root, camera)
+    except OSError as error:
+        raise DriveError(f"cannot read {error.filename or given}: {error.strerror}.") from None
+
+
+def _open_folder(folder: Path, camera: str | None) -> Drive:
+    """The first layout that finds itself in the folder."""
+    for layout in _LAYOUTS:
+        root = layout.find_root(folder)
+        if root is not None:
+            return layout.read_drive(root, camera)
+    content = sorted(entry.name for entry in folder.iterdir())
+    if not content:
+        raise DriveError(f"the folder {folder} is empty.")
+    looked_for = "; ".join(layout.looked_for for layout in _LAYOUTS)
+    shown = ", ".join(content[:8]) + (", ..." if len(content) > 8 else "")
+    raise DriveError(
+        f"{folder} is no drive of a known layout. Looked for: {looked_for}. Found: {shown}."
+    )

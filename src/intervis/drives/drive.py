@@ -1,0 +1,172 @@
+"""A drive: frames by their numbers, read when they are asked for."""
+
+import hashlib
+import operator
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from intervis.arrays import Float64Array
+from intervis.camera import Camera
+from intervis.drives.calibration import CameraMount
+from intervis.drives.frame import Frame
+from intervis.drives.scan_file import read_scan
+from intervis.errors import DriveError
+
+SAMPLE_BYTES = 4096
+"""How much of the middle of each scan `Drive.identity` looks at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A sequence of scans with what is known about them; made by `intervis.open_drive`.
+
+    Nothing but names and small files is held: a drive of any length takes the memory of one frame.
+
+    Attributes
+    ----------
+    root : Path
+        The drive's folder, or the file of a single scan.
+    name : str
+        The folder's (or file's) name.
+    layout : str
+        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``scan_folder`` or ``single_scan``.
+    scan_paths, image_paths : mapping of int to Path
+        Files by frame number; a frame may lack its image.
+    camera_names : tuple of str
+        Every camera that `open_drive` could have chosen.
+    mounts : CameraMount, or function of a frame number to CameraMount, or None
+        The chosen camera, the same for all frames or one for each.
+    poses : mapping of int to (4, 4) float64 array, or None
+        world_from_velo by frame number.
+    stamps_ns : mapping of int to int
+        Time of the scan by frame number, nanoseconds.
+    side_files : tuple of Path
+        Calibration, poses and times: what else the frames rest on.
+    frame_numbers : tuple of int
+        Sorted numbers of the frames that have a scan.
+    """
+
+    root: Path
+    name: str
+    layout: str
+    scan_paths: Mapping[int, Path] = field(repr=False)
+    image_paths: Mapping[int, Path] = field(default_factory=dict, repr=False)
+    camera_names: tuple[str, ...] = ()
+    mounts: CameraMount | Callable[[int], CameraMount] | None = field(default=None, repr=False)
+    poses: Mapping[int, Float64Array] | None = field(default=None, repr=False)
+    stamps_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
+    side_files: tuple[Path, ...] = field(default=(), repr=False)
+    frame_numbers: tuple[int, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frame_numbers", tuple(sorted(self.scan_paths)))
+
+    @property
+    def camera(self) -> Camera | None:
+        """The chosen camera; where each frame has its own calibration, the first frame's."""
+        mount = self.mount_of(self.frame_numbers[0])
+        return None if mount is None else mount.camera
+
+    def mount_of(self, number: int) -> CameraMount | None:
+        """Camera and cam_from_velo of one frame; None where the drive has no camera.
+
+        Raises
+        ------
+        CalibrationError
+            This frame's own calibration is missing or does not parse.
+        """
+        return self.mounts(number) if callable(self.mounts) else self.mounts
+
+    def __len__(self) -> int:
+        return len(self.frame_numbers)
+
+    def __contains__(self, number: object) -> bool:
+        return number in self.scan_paths
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[number] for number in self.frame_numbers)
+
+    def __getitem__(self, number: int) -> Frame:
+        """The frame of this NUMBER, read now.
+
+        Raises
+        ------
+        DriveError
+            There is no such frame; names the range and the nearest numbers.
+        ScanError
+            Its scan cannot be read, is truncated or empty.
+        CalibrationError
+            Its own calibration cannot be read (layouts with one for each frame).
+        """
+        try:
+            number = operator.index(number)
+        except TypeError:
+            raise DriveError(f"frames are asked for by their number, not by {number!r}.") from None
+        if number not in self.scan_paths:
+            raise DriveError(self._no_such_frame(number))
+        scan = read_scan(self.scan_paths[number])
+        mount = self.mount_of(number)
+        pose = self.poses.get(number) if self.poses else None
+        return Frame(
+            number=number,
+            points=scan.points,
+            attributes=scan.attributes,
+            camera=mount.camera if mount else None,
+            cam_from_velo=mount.cam_from_velo.copy() if mount else None,
+            pose=None if pose is None else pose.copy(),
+            stamp_ns=self.stamps_ns.get(number),
+            image_path=self.image_paths.get(number),
+            scan_path=self.scan_paths[number],
+        )
+
+    def identity(self) -> dict[str, Any]:
+        """What this drive is, cheaply: a changed input changes it, another place on disk does not.
+
+        Returns
+        -------
+        dict
+            ``layout``, ``name``, ``frames``, ``first``, ``last``, ``camera``, ``scan_bytes``, and
+            ``digest``: SHA-256 over the number, the size and the middle 4096 bytes of every scan,
+            the size of every image, and the whole of calibration, poses and times.
+
+        Raises
+        ------
+        DriveError
+            A file cannot be read.
+        """
+        digest, scan_bytes = hashlib.sha256(), 0
+        try:
+            for number in self.frame_numbers:
+                with self.scan_paths[number].open("rb") as file:
+                    size = file.seek(0, 2)
+                    file.seek(max(0, (size - SAMPLE_BYTES) // 2))
+                    digest.update(f"scan {number} {size}\n".encode() + file.read(SAMPLE_BYTES))
+                scan_bytes += size
+            for number, path in sorted(self.image_paths.items()):
+                digest.update(f"image {number} {path.stat().st_size}\n".encode())
+            for path in self.side_files:
+                digest.update(f"file {path.name}\n".encode() + path.read_bytes())
+        except OSError as error:
+            raise DriveError(f"cannot read {error.filename}: {error.strerror}.") from None
+        return {
+            "layout": self.layout,
+            "name": self.name,
+            "frames": len(self),
+            "first": self.frame_numbers[0],
+            "last": self.frame_numbers[-1],
+            "camera": self.camera.name if self.camera else None,
+            "scan_bytes": scan_bytes,
+            "digest": digest.hexdigest(),
+        }
+
+    def _no_such_frame(self, number: int) -> str:
+        numbers = self.frame_numbers
+        place = bisect_left(numbers, number)
+        nearest = " and ".join(str(n) for n in numbers[max(0, place - 1) : place + 1])
+        return (
+            f"{self.name} has no frame {number}: its {len(self)} frames are numbered"
+            f" {numbers[0]} to {numbers[-1]}, nearest {nearest}."
+        )

@@ -1,0 +1,115 @@
+"""KITTI odometry (and SemanticKITTI): one folder for each sequence, poses of camera 0 beside them.
+
+``sequences/NN/velodyne/*.bin``, ``.../image_2/*.png``, ``.../calib.txt``, ``.../times.txt``, and
+``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as SemanticKITTI has it). The poses are those of
+the rectified camera 0; `Tr` of calib.txt carries them to the LiDAR, in a world that is the LiDAR's
+frame at the first pose.
+"""
+
+import re
+from pathlib import Path
+
+from intervis.arrays import Float64Array
+from intervis.drives.calibration import (
+    CalibrationFile,
+    CameraMount,
+    pick_camera,
+    read_calibration,
+    size_of_pictures,
+)
+from intervis.drives.drive import Drive
+from intervis.drives.numbering import lines_by_number, numbered_files
+from intervis.drives.trajectory import carried_to_velo, present, read_poses, read_seconds
+from intervis.errors import DriveError
+
+LOOKED_FOR = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
+
+
+def find_root(path: Path) -> Path | None:
+    """The sequence's folder: `path` itself, or the only one under ``sequences``.
+
+    Raises
+    ------
+    DriveError
+        There are several sequences.
+    """
+    if _is_sequence(path):
+        return path
+    sequences = [
+        folder
+        for parent in (path, path / "sequences", path / "dataset" / "sequences")
+        if parent.name == "sequences" and parent.is_dir()
+        for folder in sorted(parent.iterdir())
+        if _is_sequence(folder)
+    ]
+    if len(sequences) > 1:
+        names = ", ".join(str(folder.relative_to(path)) for folder in sequences[:8])
+        raise DriveError(f"{path} holds {len(sequences)} sequences, name one of them: {names}.")
+    return sequences[0] if sequences else None
+
+
+def _is_sequence(folder: Path) -> bool:
+    if not (folder / "velodyne").is_dir():
+        return False
+    told = any((folder / file).is_file() for file in ("calib.txt", "times.txt"))
+    return told or folder.parent.name == "sequences"
+
+
+def read_drive(root: Path, camera: str | None) -> Drive:
+    """The sequence in a folder that `find_root` has found."""
+    scans = numbered_files(root / "velodyne", ".bin")
+    if not scans:
+        raise DriveError(f"{root} holds no scans: looked for {LOOKED_FOR}.")
+    numbers = list(scans)
+    pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
+    pose_path = _pose_file(root)
+    calibration = None
+    if pictured or pose_path or (root / "calib.txt").is_file():
+        calibration = read_calibration(root / "calib.txt")
+    names = _camera_names(calibration)
+    chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
+    images = numbered_files(root / chosen, ".png") if chosen else {}
+    mount, poses = None, None
+    side_files = [root / "calib.txt"] if calibration else []
+    if calibration and chosen:
+        key = chosen.replace("image_", "P")
+        seen = calibration.camera(key, size_of_pictures(images), chosen)
+        mount = CameraMount(seen, cam_from_velo(calibration))
+    if calibration and pose_path:
+        poses_velo = carried_to_velo(read_poses(pose_path), cam_from_velo(calibration))
+        poses = lines_by_number(poses_velo, numbers, pose_path, may_be_longer=True)
+        side_files.append(pose_path)
+    stamps, times = {}, root / "times.txt"
+    if times.is_file():
+        lines = lines_by_number(read_seconds(times), numbers, times, may_be_longer=True)
+        stamps = present(lines)
+        side_files.append(times)
+    return Drive(
+        root=root,
+        name=root.name,
+        layout="kitti_odometry",
+        scan_paths=scans,
+        image_paths=images,
+        camera_names=names,
+        mounts=mount,
+        poses=poses,
+        stamps_ns=stamps,
+        side_files=tuple(side_files),
+    )
+
+
+def cam_from_velo(calibration: CalibrationFile) -> Float64Array:
+    """Rectified camera 0 from the LiDAR: the line `Tr`."""
+    return calibration.motion("Tr", calibration.matrix("Tr", 3, 4))
+
+
+def _camera_names(calibration: CalibrationFile | None) -> tuple[str, ...]:
+    keys = calibration.lines if calibration else ()
+    return tuple(
+        sorted(f"image_{match[1]}" for key in keys if (match := re.fullmatch(r"P(\d+)", key)))
+    )
+
+
+def _pose_file(root: Path) -> Path | None:
+    places = (root.parent.parent / "poses" / f"{root.name}.txt", root / "poses.txt")
+    return next((place for place in places if place.is_file()), None)

@@ -1,0 +1,92 @@
+"""One scan as it comes from a file: coordinates, and what each point carries beside them."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.arrays import Float32Array
+from intervis.errors import ScanError
+
+log = logging.getLogger(__name__)
+
+FAR_M = 16_384.0
+"""Beyond this, float32 coordinates are coarser than a millimetre."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """The content of a scan file, row for row.
+
+    Attributes
+    ----------
+    points : (N, 3) float32 array
+        Sensor frame, metres; rows with non-finite coordinates are kept.
+    attributes : mapping of str to (N,) array
+        What the file says of each point beside its coordinates.
+    """
+
+    points: Float32Array
+    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+def scan_of_rows(path: Path, rows: NDArray[Any], names: tuple[str, ...] = ()) -> Scan:
+    """A scan of rows x, y, z and further columns called `names`.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the error message.
+    rows : (N, 3 + len(names)) float array
+
+    Raises
+    ------
+    ScanError
+        There is no row.
+    """
+    if len(rows) == 0:
+        raise ScanError(f"the scan {path} holds no points.")
+    return Scan(
+        _float32(path, rows[:, :3]),
+        {name: np.ascontiguousarray(rows[:, 3 + column]) for column, name in enumerate(names)},
+    )
+
+
+def scan_of_table(path: Path, table: NDArray[Any]) -> Scan:
+    """A scan of a structured array (N,) with the fields x, y, z and others.
+
+    Raises
+    ------
+    ScanError
+        There is no row, or a coordinate is missing.
+    """
+    names = table.dtype.names or ()
+    missing = [axis for axis in "xyz" if axis not in names]
+    if missing:
+        raise ScanError(
+            f"the scan {path} has no {' '.join(missing)}: its points carry {' '.join(names)}."
+        )
+    if len(table) == 0:
+        raise ScanError(f"the scan {path} holds no points.")
+    xyz = np.column_stack([table[axis] for axis in "xyz"])
+    others = [name for name in names if name not in "xyz"]
+    return Scan(_float32(path, xyz), {name: np.ascontiguousarray(table[name]) for name in others})
+
+
+def _float32(path: Path, xyz: NDArray[Any]) -> Float32Array:
+    """Contiguous float32 coordinates; says so where digits are lost."""
+    if xyz.dtype.itemsize > 4:
+        far_m = np.max(np.abs(xyz), where=np.isfinite(xyz), initial=0.0)
+        if far_m > FAR_M:
+            log.warning(
+                "%s: coordinates reach %.0f m; scans are kept as float32 in the sensor's frame, so"
+                " subtract the sensor's position first or digits are lost.",
+                path,
+                far_m,
+            )
+    with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite, and is dropped
+        return np.ascontiguousarray(xyz, dtype=np.float32)

@@ -1,0 +1,108 @@
+"""Reading one scan, whatever its format: a table of readers by the ending of the file's name."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from intervis.drives.pcd_file import read_pcd
+from intervis.drives.ply_file import read_ply
+from intervis.drives.scan import Scan, scan_of_rows
+from intervis.errors import ScanError
+
+
+def read_bin(path: Path) -> Scan:
+    """KITTI's scan: x, y, z and intensity of each point as little-endian float32.
+
+    Raises
+    ------
+    ScanError
+        The file cannot be read, is empty, or ends in the middle of a point.
+    """
+    return _read_float32_rows(path, ("intensity",))
+
+
+def read_nuscenes(path: Path) -> Scan:
+    """NuScenes' sweep: x, y, z, intensity and ring of each point as little-endian float32."""
+    return _read_float32_rows(path, ("intensity", "ring"))
+
+
+def read_npy(path: Path) -> Scan:
+    """A numpy array (N, 3) or (N, 4) of float32 or float64; the fourth column is intensity.
+
+    Raises
+    ------
+    ScanError
+        The file cannot be read, is no plain array (pickled objects are never loaded), has another
+        shape or type, or holds no point.
+    """
+    try:
+        # Mapped, not loaded: a header that promises more than the file holds is found out for free.
+        rows = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError, SyntaxError) as error:
+        raise ScanError(f"the scan {path} is no readable .npy array: {_brief(error)}.") from None
+    if not isinstance(rows, np.ndarray):
+        raise ScanError(f"the scan {path} is an archive of arrays, not one .npy array.")
+    if rows.ndim != 2 or rows.shape[1] not in (3, 4):
+        raise ScanError(f"the scan {path} must have the shape (N, 3) or (N, 4), not {rows.shape}.")
+    if rows.dtype.kind != "f" or rows.dtype.itemsize not in (4, 8):
+        raise ScanError(f"the scan {path} must be float32 or float64 metres, not {rows.dtype}.")
+    return scan_of_rows(path, np.array(rows), ("intensity",)[: rows.shape[1] - 3])
+
+
+READERS: dict[str, Callable[[Path], Scan]] = {
+    ".pcd.bin": read_nuscenes,
+    ".bin": read_bin,
+    ".npy": read_npy,
+    ".pcd": read_pcd,
+    ".ply": read_ply,
+}
+"""Readers by ending; the longest ending that fits is the one meant."""
+
+
+def scan_ending(path: Path) -> str | None:
+    """Which of the known endings a file's name has.
+
+    Examples
+    --------
+    >>> scan_ending(Path("sweep.pcd.bin")), scan_ending(Path("0000000017.BIN"))
+    ('.pcd.bin', '.bin')
+    >>> scan_ending(Path("notes.txt")) is None
+    True
+    """
+    name = path.name.lower()
+    return next((ending for ending in READERS if name.endswith(ending)), None)
+
+
+def read_scan(path: Path) -> Scan:
+    """The scan in a file, by its ending.
+
+    Raises
+    ------
+    ScanError
+        The ending is unknown, or the file is not what its ending says.
+    """
+    ending = scan_ending(path)
+    if ending is None:
+        raise ScanError(f"{path} is no scan: its name must end in {' '.join(READERS)}.")
+    return READERS[ending](path)
+
+
+def _read_float32_rows(path: Path, names: tuple[str, ...]) -> Scan:
+    columns = 3 + len(names)
+    try:
+        values = np.fromfile(path, dtype=np.uint8 if path.stat().st_size % 4 else "<f4")
+    except OSError as error:
+        raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
+    if values.size % columns or values.dtype == np.uint8:
+        raise ScanError(
+            f"the scan {path} is truncated: its {values.nbytes} bytes are no multiple of"
+            f" {4 * columns}, the {columns} float32 numbers of a point."
+        )
+    return scan_of_rows(path, values.reshape(-1, columns), names)
+
+
+def _brief(error: Exception) -> str:
+    """The reason alone: no errno, no path a second time, no full stop."""
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return reason.splitlines()[0].rstrip(".") if reason else type(error).__name__

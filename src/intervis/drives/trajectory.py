@@ -1,0 +1,157 @@
+"""Where and when: poses in KITTI's odometry format, GPS/IMU records (oxts), and times."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from intervis.arrays import Float64Array
+from intervis.drives.calibration import parse_numbers, read_lines
+from intervis.errors import CalibrationError, PoseError
+from intervis.transform import checked_pose, inverse, rigid
+
+EARTH_RADIUS_M = 6_378_137.0
+"""Of the sphere on which KITTI's Mercator projection works."""
+
+
+def read_poses(path: Path) -> list[Float64Array]:
+    """Poses in KITTI's odometry format: twelve numbers a line, the first three rows of a 4x4.
+
+    Returns
+    -------
+    list of (4, 4) float64 arrays
+        One for each line.
+
+    Raises
+    ------
+    CalibrationError
+        A line does not parse or is no rigid motion; names file and line.
+    """
+    poses = []
+    for line_number, line in enumerate(read_lines(path), start=1):
+        values = parse_numbers(line, path, line_number)
+        if len(values) != 12:
+            raise CalibrationError(
+                f"{path}, line {line_number}: a pose needs 12 numbers, this line has {len(values)}."
+            )
+        try:
+            poses.append(checked_pose(np.reshape(values, (3, 4))))
+        except PoseError as error:
+            raise CalibrationError(f"{path}, line {line_number}: {error}") from None
+    return poses
+
+
+def poses_from_oxts(
+    records: Mapping[int, Path], velo_from_imu: Float64Array
+) -> dict[int, Float64Array]:
+    """LiDAR poses from KITTI raw's oxts records, one file for each frame.
+
+    The world is x east, y north, z up, with its origin at the first record's IMU. Positions come
+    from latitude and longitude by a Mercator projection true to scale at the first record.
+    Source: KITTI raw development kit, convertOxtsToPose.
+
+    Parameters
+    ----------
+    records : mapping of frame number to Path
+    velo_from_imu : (4, 4) array
+
+    Returns
+    -------
+    dict of frame number to (4, 4) float64 array
+        world_from_velo.
+
+    Raises
+    ------
+    CalibrationError
+        A record does not begin with six numbers: latitude and longitude in degrees, altitude in
+        metres, roll, pitch and yaw in radians.
+    """
+    imu_from_velo = inverse(velo_from_imu)
+    origin: Float64Array | None = None
+    scale = 1.0
+    poses = {}
+    for number in sorted(records):
+        latitude_deg, longitude_deg, altitude_m, *angles_rad = _read_record(records[number])
+        if origin is None:
+            scale = float(np.cos(np.radians(latitude_deg)))
+        east_m = scale * EARTH_RADIUS_M * np.radians(longitude_deg)
+        north_m = scale * EARTH_RADIUS_M * np.log(np.tan(np.radians(90 + latitude_deg) / 2))
+        place = np.array([east_m, north_m, altitude_m])
+        origin = place if origin is None else origin
+        world_from_imu = rigid(_rotation(*angles_rad), place - origin)
+        poses[number] = world_from_imu @ imu_from_velo
+    return poses
+
+
+def _read_record(path: Path) -> tuple[float, ...]:
+    lines = read_lines(path)
+    values = parse_numbers(lines[0], path, 1) if lines else ()
+    if len(values) < 6 or not abs(values[0]) < 90:
+        raise CalibrationError(
+            f"{path}, line 1: expected latitude, longitude, altitude, roll, pitch and yaw."
+        )
+    return values[:6]
+
+
+def _rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array:
+    """world_from_imu: turned by roll about x, then pitch about y, then yaw about z."""
+    (cr, cp, cy), (sr, sp, sy) = (f([roll_rad, pitch_rad, yaw_rad]) for f in (np.cos, np.sin))
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
+
+
+def read_timestamps(path: Path) -> list[int | None]:
+    """KITTI raw's timestamps.txt as nanoseconds since 1970; None for a blank line.
+
+    Raises
+    ------
+    CalibrationError
+        A line is no date and time; names file and line.
+    """
+    stamps_ns: list[int | None] = []
+    for line_number, line in enumerate(read_lines(path), start=1):
+        text = line.strip()
+        try:
+            stamp = np.datetime64(text, "ns") if text else None
+        except ValueError:
+            stamp = np.datetime64("NaT")
+        if stamp is not None and np.isnat(stamp):
+            raise CalibrationError(
+                f"{path}, line {line_number}: {text[:40]!r} is no date and time."
+            )
+        stamps_ns.append(None if stamp is None else int(stamp.astype(np.int64)))
+    return stamps_ns
+
+
+def read_seconds(path: Path) -> list[int | None]:
+    """KITTI odometry's times.txt (seconds, one a line) as nanoseconds."""
+    stamps_ns: list[int | None] = []
+    for line_number, line in enumerate(read_lines(path), start=1):
+        values = parse_numbers(line, path, line_number)
+        if len(values) != 1:
+            raise CalibrationError(f"{path}, line {line_number}: expected one time in seconds.")
+        stamps_ns.append(round(values[0] * 1e9))
+    return stamps_ns
+
+
+def present(stamps_ns: Mapping[int, int | None]) -> dict[int, int]:
+    """The stamps that are there."""
+    return {number: stamp for number, stamp in stamps_ns.items() if stamp is not None}
+
+
+def carried_to_velo(
+    world_from_cam: Sequence[Float64Array], cam_from_velo: Float64Array
+) -> list[Float64Array]:
+    """Camera-0 poses as LiDAR poses, in a world that is the LiDAR's frame at the first of them.
+
+    Examples
+    --------
+    >>> cam_from_velo = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+    >>> ten_metres_ahead = rigid(np.eye(3), [0.0, 0.0, 10.0])
+    >>> carried_to_velo([ten_metres_ahead], cam_from_velo)[0][:3, 3].tolist()
+    [10.0, 0.0, 0.0]
+    """
+    velo_from_cam = inverse(cam_from_velo)
+    return [velo_from_cam @ pose @ cam_from_velo for pose in world_from_cam]
