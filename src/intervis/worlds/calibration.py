@@ -1,0 +1,100 @@
+"""The simulated vehicle's calibration, as it is written and as it is used."""
+
+from dataclasses import dataclass, field
+from datetime import datetime
+
+import numpy as np
+
+from intervis.arrays import Float64Array
+from intervis.camera import Camera
+from intervis.transform import rigid
+
+WIDTH_PX, HEIGHT_PX = 1242, 375
+FOCAL_PX, CX_PX, CY_PX = 721.5377, 609.5593, 172.854
+BASELINES_M = {"00": 0.0, "01": 0.54, "02": -0.06, "03": 0.48}
+"""Where each camera sits to the right of camera 0."""
+
+
+def _turn(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array:
+    cr, sr, cp, sp = np.cos(roll_rad), np.sin(roll_rad), np.cos(pitch_rad), np.sin(pitch_rad)
+    cy, sy = np.cos(yaw_rad), np.sin(yaw_rad)
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return np.asarray(about_z @ about_y @ about_x)
+
+
+def _printed(matrix: Float64Array) -> Float64Array:
+    """Rounded to what the files hold, so that readers and renderer use the same numbers."""
+    return np.array([float(f"{number:.12e}") for number in matrix.ravel()]).reshape(matrix.shape)
+
+
+def _numbers(matrix: Float64Array) -> str:
+    return " ".join(f"{number:.12e}" for number in np.ravel(matrix))
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """How the sensors of the simulated vehicle sit to each other.
+
+    Attributes
+    ----------
+    cam0_from_velo, velo_from_imu : (4, 4) float64 arrays
+        Rigid motions; camera 0 before rectification.
+    rectification : (3, 3) float64 array
+        KITTI's R_rect_00.
+    """
+
+    cam0_from_velo: Float64Array = field(
+        default_factory=lambda: _printed(
+            rigid(
+                _turn(0.004, -0.007, 0.003) @ [[0, -1, 0], [0, 0, -1], [1, 0, 0]],
+                [-0.004, -0.075, -0.272],
+            )
+        )
+    )
+    rectification: Float64Array = field(
+        default_factory=lambda: _printed(_turn(-0.003, 0.006, 0.002))
+    )
+    velo_from_imu: Float64Array = field(
+        default_factory=lambda: _printed(rigid(_turn(0.012, 0.002, -0.001), [-0.81, 0.32, -0.8]))
+    )
+
+    @property
+    def cam_from_velo(self) -> Float64Array:
+        """(4, 4) the rectified camera frame from the sensor's."""
+        return rigid(self.rectification, [0.0, 0.0, 0.0]) @ self.cam0_from_velo
+
+    def camera(self, number: str = "02") -> Camera:
+        """One of the cameras ``00`` to ``03``."""
+        projection = np.array(
+            [
+                [FOCAL_PX, 0.0, CX_PX, -FOCAL_PX * BASELINES_M[number]],
+                [0.0, FOCAL_PX, CY_PX, 0.0],
+                [0.0, 0.0, 1.0, 0.0],
+            ]
+        )
+        return Camera(_printed(projection), WIDTH_PX, HEIGHT_PX, f"image_{number}")
+
+    def files(self, stamp: datetime) -> dict[str, str]:
+        """The three calibration files of KITTI's raw layout: name and text."""
+        when = f"calib_time: {stamp:%d-%b-%Y %H:%M:%S}\n"
+        cameras = ""
+        for number in BASELINES_M:
+            camera = self.camera(number)
+            cameras += (
+                f"S_rect_{number}: {_numbers(np.array([WIDTH_PX, HEIGHT_PX], float))}\n"
+                f"R_rect_{number}: {_numbers(self.rectification)}\n"
+                f"P_rect_{number}: {_numbers(camera.projection)}\n"
+            )
+        return {
+            "calib_cam_to_cam.txt": f"{when}corner_dist: 9.950000e-02\n{cameras}",
+            "calib_velo_to_cam.txt": when
+            + _motion(self.cam0_from_velo)
+            + "delta_f: 0.000000e+00 0.000000e+00\ndelta_c: 0.000000e+00 0.000000e+00\n",
+            "calib_imu_to_velo.txt": when + _motion(self.velo_from_imu),
+        }
+
+
+def _motion(pose: Float64Array) -> str:
+    return f"R: {_numbers(pose[:3, :3])}\nT: {_numbers(pose[:3, 3])}\n"

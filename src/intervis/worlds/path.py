@@ -1,0 +1,115 @@
+"""The course of a street: where a distance along it and an offset across it lie in space."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from intervis.arrays import Float64Array
+
+STEP_M = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A gently winding, gently rising line.
+
+    Along it runs `s` in metres, across it `d` (positive to the left), above it `h`.
+
+    Parameters
+    ----------
+    first_m, last_m : float
+        Where the line begins and ends; it passes through the origin at 0, heading along x.
+    bends : tuple of (radians, metres) pairs
+        Swing of the heading and its wavelength.
+    waves : tuple of (metres, metres) pairs
+        Height of an undulation and its wavelength.
+    hill : (metres, metres, metres)
+        Rise of the hill at the end, where it begins, and how long it is.
+
+    Examples
+    --------
+    >>> straight = Path(-10.0, 50.0, bends=(), waves=(), hill=(0.0, 0.0, 1.0))
+    >>> straight.points(20.0, 2.0, 1.0).round(6) + 0.0
+    array([20.,  2.,  1.])
+    """
+
+    first_m: float
+    last_m: float
+    bends: tuple[tuple[float, float], ...] = ((0.10, 260.0), (0.03, 97.0))
+    waves: tuple[tuple[float, float], ...] = ((0.16, 75.0), (0.25, 190.0))
+    hill: tuple[float, float, float] = (6.0, 260.0, 110.0)
+    _table: Float64Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        # Heading is a formula; the place is its integral, by the midpoint rule on a fixed grid.
+        lowest = int(np.floor(self.first_m / STEP_M)) - 1
+        highest = int(np.ceil(self.last_m / STEP_M)) + 1
+        grid = np.arange(lowest, highest + 1) * STEP_M
+        heading = self.heading(grid[:-1] + STEP_M / 2)
+        x = np.concatenate([[0.0], np.cumsum(np.cos(heading))]) * STEP_M
+        y = np.concatenate([[0.0], np.cumsum(np.sin(heading))]) * STEP_M
+        table = np.stack([grid, x - x[-lowest], y - y[-lowest]])
+        object.__setattr__(self, "_table", table)
+
+    def heading(self, s: ArrayLike) -> Float64Array:
+        """Direction at `s`, radians from x towards y."""
+        along = np.asarray(s, dtype=np.float64)
+        total = np.zeros_like(along)
+        for swing, length in self.bends:
+            total = total + swing * np.sin(2 * np.pi * along / length)
+        return total
+
+    def height(self, s: ArrayLike) -> Float64Array:
+        """Height of the line at `s`, metres; 0 and level at the origin."""
+        along = np.asarray(s, dtype=np.float64)
+        total = np.zeros_like(along)
+        for rise, length in self.waves:
+            total = total + rise * (1 - np.cos(2 * np.pi * along / length)) / 2
+        rise, start, length = self.hill
+        climb = np.clip((along - start) / length, 0, 1)
+        return total + rise * climb**2 * (3 - 2 * climb)
+
+    def slope(self, s: ArrayLike) -> Float64Array:
+        """Rise of the line a metre at `s`."""
+        along = np.asarray(s, dtype=np.float64)
+        return (self.height(along + 0.05) - self.height(along - 0.05)) / 0.1
+
+    def points(self, s: ArrayLike, d: ArrayLike = 0.0, h: ArrayLike = 0.0) -> Float64Array:
+        """(..., 3) places at `s` along, `d` across (to the left) and `h` above the line."""
+        along, across, above = np.broadcast_arrays(*(np.asarray(part, float) for part in (s, d, h)))
+        heading = self.heading(along)
+        grid, x, y = self._table
+        return np.stack(
+            [
+                np.interp(along, grid, x) - across * np.sin(heading),
+                np.interp(along, grid, y) + across * np.cos(heading),
+                self.height(along) + above,
+            ],
+            axis=-1,
+        )
+
+    def pose(self, s: float, d: float = 0.0, h: float = 0.0, yaw_rad: float = 0.0) -> Float64Array:
+        """(4, 4) frame at a place: x along the line turned by `yaw_rad`, y left, z up its slope."""
+        heading, pitch = float(self.heading(s)) + yaw_rad, np.arctan(float(self.slope(s)))
+        pitch = pitch * np.cos(yaw_rad)
+        cos, sin = np.cos(heading), np.sin(heading)
+        up, out = np.sin(pitch), np.cos(pitch)
+        pose = np.eye(4)
+        pose[:3, 0] = cos * out, sin * out, up
+        pose[:3, 1] = -sin, cos, 0.0
+        pose[:3, 2] = -cos * up, -sin * up, out
+        pose[:3, 3] = self.points(s, d, h)
+        return pose
+
+    def upright(
+        self, s: float, d: float = 0.0, h: float = 0.0, yaw_rad: float = 0.0
+    ) -> Float64Array:
+        """(4, 4) frame at a place like `pose`, but plumb: for houses, trees and people."""
+        heading = float(self.heading(s)) + yaw_rad
+        cos, sin = np.cos(heading), np.sin(heading)
+        pose = np.eye(4)
+        pose[:3, 0] = cos, sin, 0.0
+        pose[:3, 1] = -sin, cos, 0.0
+        pose[:3, 3] = self.points(s, d, h)
+        return pose
