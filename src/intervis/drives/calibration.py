@@ -243,9 +243,21 @@ def png_size_px(path: Path) -> tuple[int, int]:
 
 
 def size_of_pictures(images: Mapping[int, Path]) -> tuple[int, int]:
-    """Size of a drive's first picture; KITTI's usual one, said in the log, where there is none."""
-    if images:
-        return png_size_px(images[min(images)])
+    """Size of the first readable picture; KITTI's usual one, said in the log, where there is none.
+
+    Raises
+    ------
+    DriveError
+        There are pictures, and none can be read.
+    """
+    broken: DriveError | None = None
+    for number in sorted(images):
+        try:
+            return png_size_px(images[number])
+        except DriveError as error:
+            broken = broken or error
+    if broken:
+        raise broken
     log.info("no pictures: the image size is taken as KITTI's %d x %d pixels.", *KITTI_SIZE_PX)
     return KITTI_SIZE_PX
 
@@ -254,7 +266,11 @@ def compare_sizes(camera: Camera, images: Mapping[int, Path]) -> None:
     """Warn where the first picture is not of the calibration's size; the calibration counts."""
     if not images:
         return
-    width_px, height_px = png_size_px(images[min(images)])
+    try:
+        width_px, height_px = size_of_pictures(images)
+    except DriveError as error:
+        log.warning("%s", error)
+        return
     if (width_px, height_px) != (camera.width_px, camera.height_px):
         log.warning(
             "the pictures of %s are %d x %d pixels, its calibration says %d x %d: the calibration"

@@ -68,5 +68,5 @@ class Frame:
         try:
             with Image.open(self.image_path) as picture:
                 return np.asarray(picture.convert("RGB"))
-        except OSError as error:
+        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
             raise DriveError(f"cannot read the image {self.image_path}: {error}.") from None

@@ -1,6 +1,8 @@
 """Reading PCD files (ascii, binary, binary_compressed) through pypcd4."""
 
+import struct
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -9,6 +11,12 @@ from intervis.errors import MissingExtraError, ScanError
 
 PADDING = "#$%&~~"
 """What pypcd4 calls the columns that PCD's "_" declares as padding."""
+
+LONGEST_HEADER = 100
+"""Lines of header read before a file is taken for something else."""
+
+LZF_RATIO = 88
+"""LZF's three bytes stand for 264 at most."""
 
 
 def read_pcd(path: Path) -> Scan:
@@ -43,40 +51,64 @@ def read_pcd(path: Path) -> Scan:
 
 
 def _promised_points(path: Path) -> int:
-    """POINTS of the header, once it is clear that the file can hold them."""
+    """POINTS of the header, once it is clear that the file can hold them.
+
+    pypcd4 takes the header's word for it: a short file would come back short, and a wild number
+    would be allocated.
+    """
     try:
         with path.open("rb") as file:
-            lines = [file.readline(4096).decode("ascii", "replace").strip() for _ in range(40)]
-        size_bytes = path.stat().st_size
+            header = _read_header(file)
+            start = file.tell()
+            packed_sizes = file.read(8)
+            data_bytes = file.seek(0, 2) - start
     except OSError as error:
         raise ScanError(f"cannot read the scan {path}: {error.strerror}.") from None
-    header: dict[str, list[str]] = {}
-    for line in lines:
-        key, *values = line.split() or [""]
-        header.setdefault(key, values)
-        if key == "DATA":
-            break
-    if size_bytes == 0:
-        raise ScanError(f"the scan {path} holds no points: the file is empty.")
     missing = [key for key in ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA") if not header.get(key)]
     if missing:
         raise ScanError(f"the scan {path} is no PCD file: its header has no {' '.join(missing)}.")
     try:
-        points = int(header["POINTS"][0])
-        sizes = [int(size) for size in header["SIZE"]]
-        counts = [int(count) for count in header.get("COUNT", ["1"] * len(sizes))]
-        point_bytes = sum(size * count for size, count in zip(sizes, counts, strict=True))
+        points, needed_bytes = _needed_bytes(header, packed_sizes)
     except ValueError:
         raise ScanError(
-            f"the scan {path} has a broken PCD header: SIZE, COUNT and POINTS must be numbers."
+            f"the scan {path} has a broken PCD header: SIZE, COUNT, POINTS and the sizes of packed"
+            " data do not agree."
         ) from None
-    # Only binary data has a size known beforehand; LZF packs at most 1 : 133, text 1 byte a number.
-    least_bytes = {"binary": point_bytes, "ascii": 2 * len(sizes)}.get(
-        header["DATA"][0], point_bytes / 133
-    )
-    if points * least_bytes > size_bytes:
+    if needed_bytes > data_bytes:
         raise ScanError(
-            f"the scan {path} is truncated: its header promises {points} points,"
-            f" more than its {size_bytes} bytes can hold."
+            f"the scan {path} is truncated: the {points} points of its header need {needed_bytes}"
+            f" bytes, {data_bytes} are there."
         )
     return points
+
+
+def _read_header(file: BinaryIO) -> dict[str, list[str]]:
+    """Words by key; leaves the file where the data starts."""
+    header: dict[str, list[str]] = {}
+    for _ in range(LONGEST_HEADER):
+        key, *values = file.readline(4096).decode("ascii", "replace").split() or [""]
+        header.setdefault(key, values)
+        if key == "DATA":
+            break
+    return header
+
+
+def _needed_bytes(header: dict[str, list[str]], packed_sizes: bytes) -> tuple[int, int]:
+    """Points, and the least bytes of data that hold them; ValueError where numbers disagree."""
+    points = int(header["POINTS"][0])
+    sizes = [int(size) for size in header["SIZE"]]
+    counts = [int(count) for count in header.get("COUNT", ["1"] * len(sizes))]
+    table_bytes = points * sum(size * count for size, count in zip(sizes, counts, strict=True))
+    if points < 0:
+        raise ValueError
+    match header["DATA"][0]:
+        case "ascii":
+            return points, max(0, 2 * points * sum(counts) - 1)  # a digit and a blank a number
+        case "binary":
+            return points, table_bytes
+    if points == 0:
+        return 0, 0
+    packed_bytes, unpacked_bytes = struct.unpack("<II", packed_sizes.ljust(8, b"\0"))
+    if unpacked_bytes != table_bytes:
+        raise ValueError
+    return points, 8 + max(packed_bytes, unpacked_bytes // LZF_RATIO)

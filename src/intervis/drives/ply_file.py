@@ -1,6 +1,7 @@
 """Reading PLY files: ascii, binary little and big endian, the vertices alone."""
 
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -72,7 +73,7 @@ def _read_header(file: BinaryIO) -> tuple[str, list[_Element]]:
                 order = word
             case ["comment" | "obj_info", *_]:
                 pass
-            case ["element", name, count] if count.isdecimal():
+            case ["element", name, count] if count.isdecimal() and len(count) < 13:
                 elements.append(_Element(name, int(count)))
             case ["property", "list", _, _, name] if elements:
                 elements[-1].properties.append((name, "list"))
@@ -121,11 +122,9 @@ def _read_binary_rows(file: BinaryIO, row: np.dtype[Any], count: int) -> NDArray
 
 
 def _read_text_rows(file: BinaryIO, row: np.dtype[Any], count: int) -> NDArray[Any]:
-    lines = [line for _ in range(count) if (line := file.readline())]
+    lines = [line for line in islice(file, count) if line.strip()]
     if len(lines) < count:
-        raise _BrokenError(
-            f"it is truncated: it promises {count} vertices and has {len(lines)} lines"
-        )
+        raise _BrokenError(f"it is truncated: it promises {count} vertices and has {len(lines)}")
     if count == 0:
         return np.empty(0, row)
     try:

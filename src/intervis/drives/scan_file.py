@@ -91,14 +91,15 @@ def read_scan(path: Path) -> Scan:
 def _read_float32_rows(path: Path, names: tuple[str, ...]) -> Scan:
     columns = 3 + len(names)
     try:
-        values = np.fromfile(path, dtype=np.uint8 if path.stat().st_size % 4 else "<f4")
+        size_bytes = path.stat().st_size
+        if size_bytes % (4 * columns):
+            raise ScanError(
+                f"the scan {path} is truncated: its {size_bytes} bytes are no multiple of"
+                f" {4 * columns}, the {columns} float32 numbers of a point."
+            )
+        values = np.fromfile(path, dtype="<f4")
     except OSError as error:
         raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
-    if values.size % columns or values.dtype == np.uint8:
-        raise ScanError(
-            f"the scan {path} is truncated: its {values.nbytes} bytes are no multiple of"
-            f" {4 * columns}, the {columns} float32 numbers of a point."
-        )
     return scan_of_rows(path, values.reshape(-1, columns), names)
 
 

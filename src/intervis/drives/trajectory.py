@@ -1,5 +1,6 @@
 """Where and when: poses in KITTI's odometry format, GPS/IMU records (oxts), and times."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from intervis.transform import checked_pose, inverse, rigid
 
 EARTH_RADIUS_M = 6_378_137.0
 """Of the sphere on which KITTI's Mercator projection works."""
+
+DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 
 
 def read_poses(path: Path) -> list[Float64Array]:
@@ -114,14 +117,13 @@ def read_timestamps(path: Path) -> list[int | None]:
     for line_number, line in enumerate(read_lines(path), start=1):
         text = line.strip()
         try:
-            stamp = np.datetime64(text, "ns") if text else None
+            if text and not DATE_AND_TIME.fullmatch(text):
+                raise ValueError
+            stamps_ns.append(int(np.datetime64(text, "ns").astype(np.int64)) if text else None)
         except ValueError:
-            stamp = np.datetime64("NaT")
-        if stamp is not None and np.isnat(stamp):
             raise CalibrationError(
                 f"{path}, line {line_number}: {text[:40]!r} is no date and time."
-            )
-        stamps_ns.append(None if stamp is None else int(stamp.astype(np.int64)))
+            ) from None
     return stamps_ns
 
 
