@@ -43,7 +43,24 @@ _HOME = {
     "SettingsError": "intervis.errors",
     "Sight": "intervis.sight",
 }
-__all__ = sorted([*_HOME, "__version__"])
+__all__ = [
+    "Analysis",
+    "CalibrationError",
+    "Camera",
+    "Drive",
+    "DriveError",
+    "Frame",
+    "IntervisError",
+    "PointsError",
+    "PoseError",
+    "Scene",
+    "Settings",
+    "SettingsError",
+    "Sight",
+    "__version__",
+    "analyze",
+    "open_drive",
+]
 
 
 def __getattr__(name: str) -> Any:

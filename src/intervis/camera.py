@@ -32,7 +32,7 @@ class Camera:
     >>> camera = Camera(np.array([[700.0, 0, 600, 350], [0, 700, 180, 0], [0, 0, 1, 0]]), 1242, 375)
     >>> camera.fx_px, camera.cx_px
     (700.0, 600.0)
-    >>> camera.centre_cam.tolist()
+    >>> (camera.centre_cam + 0.0).tolist()
     [-0.5, 0.0, 0.0]
     """
 

@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from itertools import pairwise
 from typing import Any, TypeVar, cast
 
 import numba
@@ -58,8 +59,6 @@ def in_parts(work: Callable[[int, int], object], count: int, least: int = 4096) 
     parts = threads * 4
     bounds = [count * part // parts for part in range(parts + 1)]
     for done in [
-        _pool(threads).submit(work, start, stop)
-        for start, stop in zip(bounds[:-1], bounds[1:], strict=True)
-        if stop > start
+        _pool(threads).submit(work, start, stop) for start, stop in pairwise(bounds) if stop > start
     ]:
         done.result()

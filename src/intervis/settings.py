@@ -15,6 +15,7 @@ Metric = Literal["mahalanobis", "normalized", "euclidean", "ground"]
 Chart = Literal["ground", "angles", "polar"]
 Weights = Literal["length", "unit"]
 Gate = Literal["degree", "mean", "shortest", "star_minimum", "none"]
+ConcaveBoundary = Literal["every", "any"]
 Criterion = Literal["elevation", "sight_angle"]
 
 
@@ -46,6 +47,9 @@ class Settings(BaseModel):
     gate : {"degree", "mean", "shortest", "star_minimum", "none"}
         How line 1 of Algorithm 1 reads D_min: the weighted degree of the node, the mean or the
         shortest edge of its star, the least weighted degree in its star, or no gate.
+    concave_boundary : {"every", "any"}
+        How line 2 reads: a node hands over where every edge of it, or any, is shorter than the
+        way to the centroid of its subgraph.
     criterion : {"elevation", "sight_angle"}
         What lines 6 and 8 compare: elevations z (the paper), or elevation angles seen from the
         viewpoint.
@@ -58,7 +62,7 @@ class Settings(BaseModel):
     Examples
     --------
     >>> Settings(tau=35).criterion
-    'elevation'
+    'sight_angle'
     >>> Settings(taw=35)
     Traceback (most recent call last):
         ...
@@ -71,14 +75,15 @@ class Settings(BaseModel):
     tau: int | Literal["auto"] = 35
     sampling: Sampling = "kernel"
     radius_m: float = Field(default=0.5, gt=0, allow_inf_nan=False)
-    metric: Metric = "euclidean"
+    metric: Metric = "ground"
     chart: Chart = "ground"
     cohesion: float = Field(default=0.1, ge=0, le=1)
     repulsion: float = Field(default=0.1, ge=0, allow_inf_nan=False)
     influence_radius: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     weights: Weights = "length"
     gate: Gate = "degree"
-    criterion: Criterion = "elevation"
+    concave_boundary: ConcaveBoundary = "every"
+    criterion: Criterion = "sight_angle"
 
     def __init__(self, **values: Any) -> None:
         for name in values:

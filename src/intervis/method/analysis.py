@@ -218,6 +218,7 @@ def analyze(
         surface.flow_distance,
         to_centroid,
         gate=settings.gate,
+        concave_boundary=settings.concave_boundary,
         criterion=settings.criterion,
     )
     region = intervisible_region(mesh.triangles, mesh.edges, verdict.node, verdict.edge)

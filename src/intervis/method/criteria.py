@@ -29,11 +29,13 @@ class Verdict:
     gate : (2E,) bool array
         Half edges that pass line 1: l1 < D_min < l3.
     handed_over : (V,) bool array
-        Nodes on a concave boundary, which hand over to their nearest neighbour (lines 2 to 4).
+        Nodes on a concave boundary, which are not judged (lines 2 to 4): their nearest neighbour,
+        a node like any other, is judged in their place.
     judged : (2E,) bool array
         Half edges whose target is judged intervisible from their source (lines 5 to 9).
     node : (V,) bool array
-        Intervisibility points: not handed over, through the gate, a neighbour judged intervisible.
+        Intervisibility points: both ends of a judged half edge, each as far as it passes the gate
+        (lines 7 and 9 add the node and its neighbour to the graph).
     edge : (E,) bool array
         Intervisible edges: both ends are intervisibility points, and the gate holds both ways.
     """
@@ -54,7 +56,8 @@ def apply_criteria(
     centroid_distance: Float64Array,
     *,
     gate: str = "degree",
-    criterion: str = "elevation",
+    concave_boundary: str = "every",
+    criterion: str = "sight_angle",
 ) -> Verdict:
     """Algorithm 1 over all nodes at once.
 
@@ -71,8 +74,14 @@ def apply_criteria(
         l3 of each node: D' from P0.
     centroid_distance : (V,) float64 array
         l_gc: D from each node to the centroid of its subgraph; NaN where it has no triangle.
-    gate, criterion
+    gate, concave_boundary, criterion
         See `intervis.Settings`.
+
+    Notes
+    -----
+    Read as "every edge of the node is shorter than the way to the centroid", lines 2 to 4 never
+    apply: the centroid is a mean of points of the star with a weight of 1/3 on the node itself, so
+    l_gc is at most 2/3 of the longest edge. Read as "some edge is", they take out most nodes.
     """
     nodes = len(points)
     source = np.concatenate([edges[:, 0], edges[:, 1]])
@@ -87,10 +96,10 @@ def apply_criteria(
     else:
         passes = (l1 < threshold[source]) & (threshold[source] < flow_distance[source])
 
-    # Lines 2 to 4: where every edge is shorter than the way to the centroid, the node sits on a rim.
-    longest = np.zeros(nodes)
-    np.maximum.at(longest, source, l1)
-    handed_over = (longest < l_gc) & (longest > 0)
+    # Lines 2 to 4: edges shorter than the way to the centroid: the node sits on a rim.
+    shorter = np.bincount(source, l1 < l_gc[source], minlength=nodes)
+    enough = np.bincount(source, minlength=nodes) if concave_boundary == "every" else 1
+    handed_over = (shorter >= enough) & (shorter > 0)
 
     # Lines 5 to 9: beyond and higher is seen over i, in front and lower does not cover i.
     theta_1_deg = sight_angle_deg(points, viewpoint, source, target)
@@ -100,9 +109,11 @@ def apply_criteria(
     seen_before = (theta_1_deg - THETA_2_DEG < 0) & (rise < 0)
     judged = passes & ~handed_over[source] & (l1 > l_gc[source]) & (seen_over | seen_before)
 
+    backward = np.concatenate([passes[len(edges) :], passes[: len(edges)]])
     node = np.zeros(nodes, bool)
     node[source[judged]] = True
-    both_ways = passes[: len(edges)] & passes[len(edges) :]
+    node[target[judged & backward]] = True
+    both_ways = passes[: len(edges)] & backward[: len(edges)]
     edge = node[edges[:, 0]] & node[edges[:, 1]] & both_ways
     return Verdict(gate=passes, handed_over=handed_over, judged=judged, node=node, edge=edge)
 
@@ -116,11 +127,11 @@ def shortest_radius(
     that reproduces the paper's Table 2. ``mean`` and ``shortest`` take the mean and the shortest
     edge of the star, ``star_minimum`` the least weighted degree among the node and its neighbours.
     """
-    degree = np.bincount(source, l1, minlength=nodes)
+    degree = np.bincount(source, l1, minlength=nodes).astype(np.float64)
     if reading == "mean":
         return degree / np.maximum(np.bincount(source, minlength=nodes), 1)
     if reading in ("shortest", "star_minimum"):
-        least = degree.copy() if reading == "star_minimum" else np.full(nodes, np.inf)
+        least: Float64Array = degree.copy() if reading == "star_minimum" else np.full(nodes, np.inf)
         np.minimum.at(least, source, degree[target] if reading == "star_minimum" else l1)
         return least
     return degree
@@ -138,7 +149,8 @@ def sight_angle_deg(
     dot = np.einsum("ij,ij->i", to_viewpoint, to_neighbour)
     norms = np.linalg.norm(to_viewpoint, axis=1) * np.linalg.norm(to_neighbour, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.rad2deg(np.arccos(np.clip(dot / norms, -1.0, 1.0)))
+        theta_1_deg: Float64Array = np.rad2deg(np.arccos(np.clip(dot / norms, -1.0, 1.0)))
+    return theta_1_deg
 
 
 def elevation_angle_rad(points: Float64Array, viewpoint: Float64Array) -> Float64Array:
@@ -157,7 +169,8 @@ def intervisible_region(
     start, stop = triangles, np.roll(triangles, -1, axis=1)
     key = np.minimum(start, stop) * nodes + np.maximum(start, stop)
     which = np.searchsorted(edges[:, 0] * nodes + edges[:, 1], key)
-    return node[triangles].all(axis=1) & (edge[which].sum(axis=1) >= 2)
+    region: BoolArray = node[triangles].all(axis=1) & (edge[which].sum(axis=1) >= 2)
+    return region
 
 
 def reachable_tree(

@@ -12,7 +12,7 @@ class Record:
         return (field.name for field in fields(self))  # type: ignore[arg-type]
 
     def __getitem__(self, name: str) -> float:
-        if name not in self.keys():  # noqa: SIM118 - a Record is no dict
+        if name not in self.keys():
             raise KeyError(name)
         value: float = getattr(self, name)
         return value

@@ -61,7 +61,7 @@ def build_surface(
     points: Float64Array,
     viewpoint: Float64Array,
     *,
-    metric: str = "euclidean",
+    metric: str = "ground",
     chart: str = "ground",
     cohesion: float = 0.1,
     repulsion: float = 0.1,
@@ -137,7 +137,8 @@ def nearest_neighbours(y: Float64Array) -> IntArray:
     found = found.astype(np.int64)
     own = found == np.arange(len(y))[:, None]
     own[~own.any(axis=1), -1] = True
-    return found[~own].reshape(len(y), count)
+    others: IntArray = found[~own].reshape(len(y), count)
+    return others
 
 
 def direct_reach(points: Float64Array, viewpoint: Float64Array, y: Float64Array) -> BoolArray:
@@ -172,7 +173,8 @@ def cohesion_force(y: Float64Array, neighbours: IntArray, scale: float) -> Float
     """Cohesion (Eq. 3): a pull of size alpha D towards the middle of the surrounding points."""
     if neighbours.shape[1] == 0:
         return np.zeros_like(y)
-    return scale * (y[neighbours].mean(axis=1) - y)
+    pull: Float64Array = scale * (y[neighbours].mean(axis=1) - y)
+    return pull
 
 
 def repulsion_force(
@@ -233,7 +235,8 @@ def chart_coordinates(
     if chart == "polar":
         tiny = np.finfo(np.float64).tiny
         return np.column_stack([azimuth_rad, np.log(np.maximum(displaced, tiny))])
-    return displaced[:, None] * outward
+    ground: Float64Array = displaced[:, None] * outward
+    return ground
 
 
 def _both_ways(neighbours: IntArray) -> tuple[IntArray, IntArray]:
