@@ -1,0 +1,91 @@
+"""The command line: thin, and it imports what a command needs only when the command runs."""
+
+import logging
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+import intervis
+from intervis.cli import run as _run
+from intervis.cli import world as _world
+from intervis.cli.terminal import complain, show
+from intervis.errors import IntervisError
+
+DONE, SOME_FRAMES_FAILED, WRONG_REQUEST, OWN_FAULT, INTERRUPTED = 0, 1, 2, 3, 130
+"""Exit codes."""
+
+app = typer.Typer(
+    name="intervis",
+    help="What can see what: intervisibility of LiDAR point clouds from a moving vehicle.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        show(f"intervis {intervis.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
+    ] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Say more on stderr.")] = False,
+) -> None:
+    logging.basicConfig(
+        level=logging.DEBUG if verbose else logging.WARNING, format="intervis: %(message)s"
+    )
+    # Neighbours log whole compilations at this level; only our own words are asked for.
+    for neighbour in ("numba", "matplotlib", "PIL"):
+        logging.getLogger(neighbour).setLevel(logging.WARNING)
+
+
+app.command("run")(_run.run)
+app.command("simulate")(_world.simulate)
+app.command("demo")(_world.demo)
+
+
+def main() -> None:
+    """Entry point of the program ``intervis``."""
+    sys.exit(exit_code(sys.argv[1:]))
+
+
+def exit_code(arguments: Sequence[str]) -> int:
+    """Run one command line; every failure becomes one sentence on stderr.
+
+    Returns
+    -------
+    int
+        0 done, 1 some frames failed, 2 the request was wrong, 3 the program is at fault,
+        130 interrupted.
+    """
+    try:
+        code = app(args=list(arguments), prog_name="intervis", standalone_mode=False)
+    except IntervisError as error:
+        complain(str(error))
+        return WRONG_REQUEST
+    except typer.TyperException as error:
+        complain(f"{error.format_message().rstrip('.')}; 'intervis --help' lists what there is.")
+        return WRONG_REQUEST
+    except (KeyboardInterrupt, typer.Abort):
+        complain("interrupted.")
+        return INTERRUPTED
+    except MemoryError:
+        complain("there is not enough memory for this request.")
+        return WRONG_REQUEST
+    except Exception as error:
+        logging.getLogger("intervis").debug("unexpected", exc_info=True)
+        complain(
+            f"the program met something that it did not expect ({type(error).__name__}: {error});"
+            " this is its own fault: 'intervis --verbose ...' shows where."
+        )
+        return OWN_FAULT
+    return code if isinstance(code, int) else DONE

@@ -1,0 +1,125 @@
+"""Option texts into values: viewpoints, frame ranges, settings."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from intervis.errors import PointsError, SettingsError
+
+if TYPE_CHECKING:
+    from intervis.settings import Settings
+
+NAMED_VIEWPOINTS = ("camera", "sensor", "start")
+
+
+def coordinates(text: str, option: str) -> tuple[float, float, float]:
+    """Three numbers in metres from ``X,Y,Z``.
+
+    Raises
+    ------
+    PointsError
+        It is anything else.
+
+    Examples
+    --------
+    >>> coordinates("-1,0,2.5", "--from")
+    (-1.0, 0.0, 2.5)
+    """
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise PointsError(f"{option} must be X,Y,Z in metres, got {text!r}.") from None
+    if not all(map(math.isfinite, (x, y, z))):
+        raise PointsError(f"{option} must be three finite numbers in metres, got {text!r}.")
+    return x, y, z
+
+
+def viewpoint(text: str) -> Any:
+    """A named viewpoint as it is, or coordinates.
+
+    Raises
+    ------
+    PointsError
+        It is neither.
+    """
+    if text in NAMED_VIEWPOINTS:
+        return text
+    if "," in text:
+        return coordinates(text, "--viewpoint")
+    names = ", ".join(NAMED_VIEWPOINTS)
+    raise PointsError(f"--viewpoint must be one of {names}, or X,Y,Z in metres, got {text!r}.")
+
+
+def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
+    """First frame number and the one after the last from ``A:B``, ``A:``, ``:B`` or ``A``.
+
+    Raises
+    ------
+    SettingsError
+        It is anything else, or an empty range.
+
+    Examples
+    --------
+    >>> frame_range("3:10"), frame_range(":5"), frame_range("7")
+    ((3, 10), (None, 5), (7, 8))
+    """
+    if text is None:
+        return None
+    first_text, colon, stop_text = text.partition(":")
+    try:
+        first = int(first_text) if first_text or not colon else None
+        stop = int(stop_text) if stop_text else None
+    except ValueError:
+        raise SettingsError(
+            f"--frames must be A:B (frame numbers, B not included), A:, :B or one number,"
+            f" got {text!r}."
+        ) from None
+    if not colon and first is not None:
+        return first, first + 1
+    if first is not None and stop is not None and stop <= first:
+        raise SettingsError(f"--frames {text} holds no frame: the end is not included.")
+    return first, stop
+
+
+def settings(file: Path | None, tau: str | None, changes: list[str]) -> "Settings":
+    """Settings from a TOML file, then ``--tau``, then each ``--set name=value``.
+
+    Raises
+    ------
+    SettingsError
+        A name is unknown or a value impossible.
+    """
+    from intervis.settings import Settings
+
+    values: dict[str, Any] = {}
+    if tau is not None:
+        values["tau"] = _tau(tau)
+    for change in changes:
+        name, equals, text = change.partition("=")
+        if not equals or not name.strip():
+            raise SettingsError(f"--set must be name=value, got {change!r}.")
+        values[name.strip()] = _value(text.strip())
+    base = Settings.from_toml(file) if file is not None else Settings()
+    return base.with_changes(**values) if values else base
+
+
+def _tau(text: str) -> int | str:
+    if text == "auto":
+        return text
+    try:
+        return int(text)
+    except ValueError:
+        raise SettingsError(f"--tau must be a whole number or 'auto', got {text!r}.") from None
+
+
+def _value(text: str) -> Any:
+    if text.lower() == "none":
+        return None
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

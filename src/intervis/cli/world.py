@@ -1,0 +1,62 @@
+"""``intervis simulate`` and ``intervis demo``: the built-in world."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from intervis.cli.run import show_run
+from intervis.cli.terminal import progress, show, tell
+
+Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Number of frames.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="S", help="The same seed, the same drive.")]
+
+
+def simulate(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the drive.")],
+    frames: Frames = 10,
+    seed: Seed = 0,
+) -> None:
+    """Write a drive through the built-in street, in KITTI's raw layout, with its triangles."""
+    show(f"Drive: {_simulate(out, frames, seed)}")
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", help="Folder for everything.")] = Path(
+        "intervis-demo"
+    ),
+    frames: Frames = 10,
+    seed: Seed = 0,
+) -> int:
+    """Simulate a drive, run the method over it, and show it: tables, pictures and a page."""
+    from intervis.drives import open_drive
+    from intervis.report.run_report import report_run
+    from intervis.stream import run as run_drive
+
+    drive = open_drive(_simulate(out / "drive", frames, seed))
+    with progress("analysis", len(drive.frame_numbers)) as advance:
+        summary = run_drive(
+            drive,
+            out / "run",
+            on_frame=lambda outcome: advance(f"frame {outcome.number}"),
+            overwrite=True,
+        )
+    show_run(summary)
+    report = report_run(drive, summary, out)
+    for path in report.paths:
+        show(f"{path}")
+    if report.missing is not None:
+        tell(f"note: {report.missing}")
+    return 1 if summary.failures else 0
+
+
+def _simulate(out: Path, frames: int, seed: int) -> Path:
+    from intervis.worlds import simulate as simulate_drive
+
+    with progress("simulation", frames) as advance:
+        return simulate_drive(
+            out,
+            frames=frames,
+            seed=seed,
+            progress=lambda done, total: advance(f"{done} of {total}"),
+        )

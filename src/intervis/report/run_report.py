@@ -1,0 +1,127 @@
+"""What a run is shown as: pictures of its middle frame, tables, and one page with all of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from intervis.errors import MissingExtraError, OutputError
+from intervis.report.page import Page, Picture
+from intervis.report.tables import Table, measures_table, times_table
+from intervis.results import frame_path, load_analysis, write_text
+
+if TYPE_CHECKING:
+    from intervis.drives import Drive
+    from intervis.stream import RunSummary
+
+PICTURES = {
+    "overview": ("Overview", "Camera, scan from above, and the mesh with what is intervisible."),
+    "camera": (
+        "Field of view",
+        "Returns that project into the camera's image (Eq. 1 and 2), coloured by range.",
+    ),
+    "scan": (
+        "Scan from above",
+        "The whole scan; what is in view is coloured by elevation, the rest is grey.",
+    ),
+    "surface": (
+        "Manifold auxiliary surface",
+        "Cohesion and repulsion (Eq. 3 to 8) thin the crowded near field and gather the sparse"
+        " far field. Left: the nodes before (grey) and after. Right: how far each one moved.",
+    ),
+    "intervisibility": (
+        "Intervisibility",
+        "The finite elements over the ground, with the intervisibility points and edges of"
+        " Algorithm 1 and the region that they enclose; on the right the near part, enlarged.",
+    ),
+}
+"""Heading and caption of each picture, by the name of its file."""
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """Files of a report, and what is missing from it, in a sentence (None: nothing)."""
+
+    paths: tuple[Path, ...]
+    missing: str | None
+
+
+def report_run(drive: "Drive", summary: "RunSummary", out: Path) -> RunReport:
+    """Draw a run's middle frame and write its tables and page.
+
+    Parameters
+    ----------
+    drive : Drive
+        What the run was made from.
+    summary : RunSummary
+        What `intervis.stream.run` returned.
+    out : Path
+        Folder: ``index.html``, ``measures.md``, ``measures.csv``, ``pictures/*.png``.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written, or the run has no frame that went well.
+    """
+    if not summary.frames:
+        raise OutputError(f"the run in {summary.out} has no frame to show.")
+    number = summary.frames[len(summary.frames) // 2].number
+    pictures, missing = _pictures(drive, summary, number, out / "pictures")
+    every_frame = measures_table(summary.frames, few=None)
+    times = times_table(summary.content["times_s"], len(summary.frames))
+    page = _page(summary, number, pictures, [measures_table(summary.frames), times], missing)
+    texts = {
+        out / "index.html": page.as_html(),
+        out / "measures.md": every_frame.as_markdown() + "\n" + times.as_markdown(),
+        out / "measures.csv": every_frame.as_csv(),
+    }
+    for path, text in texts.items():
+        write_text(path, text)
+    return RunReport((*texts, *(picture.path for picture in pictures)), missing)
+
+
+def _pictures(
+    drive: "Drive", summary: "RunSummary", number: int, folder: Path
+) -> tuple[list[Picture], str | None]:
+    from intervis.report.figures import save_pictures
+
+    analysis = load_analysis(frame_path(summary.out, number))
+    try:
+        paths = save_pictures(drive[number], analysis, folder)
+    except MissingExtraError as error:
+        return [], f"the pictures are left out. {error}"
+    return [Picture(path, *PICTURES[path.stem]) for path in paths], None
+
+
+def _page(
+    summary: "RunSummary",
+    number: int,
+    pictures: Sequence[Picture],
+    tables: Sequence[Table],
+    missing: str | None,
+) -> Page:
+    content = summary.content
+    source, settings, machine = content["input"], content["settings"], content["machine"]
+    count = len(summary.frames)
+    lead = (
+        f"{count} frame{'s' if count != 1 else ''}, tau = {settings['tau']}, viewpoint:"
+        f" {content['viewpoint']}. The pictures show frame {number}."
+    )
+    if missing is not None:
+        lead = f"{lead} Note: {missing}"
+    chosen = ", ".join(f"{name} = {value}" for name, value in settings.items())
+    versions = ", ".join(f"{name} {version}" for name, version in content["versions"].items())
+    parts: list[Picture | Table | str] = [*pictures[:1], "Measures", tables[0], "Times", tables[1]]
+    if pictures[1:]:
+        parts += ["Step by step", *pictures[1:]]
+    return Page(
+        title=f"Intervisibility of {source['name']}",
+        lead=lead,
+        parts=parts,
+        small_print=[
+            f"Settings: {chosen}.",
+            f"Versions: {versions}.",
+            f"Machine: {machine['processor']}, {machine['cpus']} cores, {machine['system']}.",
+            *(f"Frame {f.number} failed: {f.sentence}" for f in summary.failures),
+        ],
+    )
