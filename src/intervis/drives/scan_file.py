@@ -80,11 +80,13 @@ def read_scan(path: Path) -> Scan:
     Raises
     ------
     ScanError
-        The ending is unknown, or the file is not what its ending says.
+        The ending is unknown, the file is empty, or it is not what its ending says.
     """
     ending = scan_ending(path)
     if ending is None:
         raise ScanError(f"{path} is no scan: its name must end in {' '.join(READERS)}.")
+    if path.is_file() and path.stat().st_size == 0:
+        raise ScanError(f"the scan {path} holds no points: the file is empty.")
     return READERS[ending](path)
 
 
