@@ -4,6 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
+
+# A first example may compile a kernel: how long one takes says nothing.
+settings.register_profile("intervis", deadline=None)
+settings.load_profile("intervis")
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

@@ -178,12 +178,12 @@ def analyze(
     """
     settings = Settings() if settings is None else settings
     raw = checked_points(points)
-    cam_from_velo = _checked_mount(camera, cam_from_velo)
-    clock = _Clock()
+    cam_from_velo = checked_mount(camera, cam_from_velo)
+    clock = Clock()
 
     # Sec. 2.1: the field of view (Eq. 1, 2), and its sampling by a kernel of granularity tau
-    view = _field_of_view(raw, camera, cam_from_velo, settings.view)
-    origin = _meta_viewpoint(viewpoint, camera, cam_from_velo)
+    view = field_of_view(raw, camera, cam_from_velo, settings.view)
+    origin = meta_viewpoint(viewpoint, camera, cam_from_velo)
     in_view = raw[view.index].astype(np.float64)
     clock.lap("fov")
     sampled = _sample(in_view, origin, settings)
@@ -262,7 +262,7 @@ def analyze(
     )
 
 
-class _Clock:
+class Clock:
     """Laps of one run through the stages."""
 
     def __init__(self) -> None:
@@ -270,15 +270,17 @@ class _Clock:
         self._laps: dict[str, float] = {}
 
     def lap(self, stage: str) -> None:
+        """Seconds since the last lap go to this stage."""
         now = perf_counter()
         self._laps[stage] = now - self._last
         self._last = now
 
     def times(self) -> StageTimes:
+        """All laps and their sum."""
         return StageTimes(**self._laps, total=sum(self._laps.values()))
 
 
-def _checked_mount(camera: Camera | None, cam_from_velo: ArrayLike | None) -> Float64Array | None:
+def checked_mount(camera: Camera | None, cam_from_velo: ArrayLike | None) -> Float64Array | None:
     """The camera's mounting, where there is a camera."""
     if camera is None:
         return None
@@ -287,9 +289,10 @@ def _checked_mount(camera: Camera | None, cam_from_velo: ArrayLike | None) -> Fl
     return checked_pose(cam_from_velo, "cam_from_velo")
 
 
-def _field_of_view(
+def field_of_view(
     raw: FloatArray, camera: Camera | None, cam_from_velo: Float64Array | None, view: str
 ) -> FieldOfView:
+    """What is in view, of the camera or in a named opening; never empty."""
     if view == "camera" and camera is not None and cam_from_velo is not None:
         found = in_camera(raw, camera, cam_from_velo)
         where = f"of the camera {camera.name!r}"
@@ -305,9 +308,10 @@ def _field_of_view(
     return found
 
 
-def _meta_viewpoint(
+def meta_viewpoint(
     viewpoint: ArrayLike | None, camera: Camera | None, cam_from_velo: Float64Array | None
 ) -> Float64Array:
+    """P0: the viewpoint asked for, or the camera's centre, or the sensor."""
     if viewpoint is not None:
         return checked_point(viewpoint)
     if camera is not None and cam_from_velo is not None:
@@ -317,7 +321,7 @@ def _meta_viewpoint(
 
 def _sample(in_view: Float64Array, viewpoint: Float64Array, settings: Settings) -> IntArray:
     if settings.sampling == "radius":
-        return sample_radius(in_view, settings.radius_m)
+        return sample_radius(in_view, settings.radius_m, viewpoint)
     tau = settings.tau
     if tau == "auto":
         raise SettingsError("tau='auto' is not there yet: give tau as a number, for example 35.")

@@ -9,6 +9,9 @@ import numpy as np
 from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
 
+NEAR_TIE = 1e-9
+"""Squared distances that differ by less than this share count as equal."""
+
 
 def sample_kernels(points: Float64Array, tau: int, viewpoint: Float64Array) -> IntArray:
     """One node for each kernel of tau neighbouring points: exactly ceil(n / tau) nodes.
@@ -30,8 +33,8 @@ def sample_kernels(points: Float64Array, tau: int, viewpoint: Float64Array) -> I
     Returns
     -------
     (ceil(n / tau),) int64 array
-        Rows of `points`: the member of each kernel that is nearest to the kernel's mean,
-        ascending.
+        Rows of `points`: the member of each kernel that is nearest to the kernel's mean (of
+        several as near, the one nearer to the viewpoint), ascending.
 
     Examples
     --------
@@ -43,7 +46,7 @@ def sample_kernels(points: Float64Array, tau: int, viewpoint: Float64Array) -> I
         return np.arange(len(points))
     order = np.arange(len(points))
     starts = _partition(points, order, tau, viewpoint)
-    nodes = _nearest_to_mean(points, order, starts)
+    nodes = _nearest_to_mean(points, order, starts, viewpoint)
     nodes.sort()
     return nodes
 
@@ -59,7 +62,7 @@ def sample_stride(count: int, tau: int) -> IntArray:
     return np.arange(0, count, tau)
 
 
-def sample_radius(points: Float64Array, radius_m: float) -> IntArray:
+def sample_radius(points: Float64Array, radius_m: float, viewpoint: Float64Array) -> IntArray:
     """One node for each ball of a metric radius, taken greedily in scan order.
 
     A point that no ball holds yet starts the next ball; the node is the member nearest to the
@@ -72,7 +75,7 @@ def sample_radius(points: Float64Array, radius_m: float) -> IntArray:
 
     Examples
     --------
-    >>> sample_radius(np.array([[0.0, 0, 0], [0.1, 0, 0], [5, 0, 0]]), 1.0)
+    >>> sample_radius(np.array([[0.0, 0, 0], [0.1, 0, 0], [5, 0, 0]]), 1.0, np.zeros(3))
     array([0, 2])
     """
     if len(points) == 0:
@@ -89,7 +92,7 @@ def sample_radius(points: Float64Array, radius_m: float) -> IntArray:
     ball = _cover(points, radius_m, key, by_cell, cells, np.append(first, len(key)), offsets)
     order = np.argsort(ball, kind="stable")
     starts = np.searchsorted(ball[order], np.arange(ball.max() + 2))
-    nodes = _nearest_to_mean(points, order, starts)
+    nodes = _nearest_to_mean(points, order, starts, viewpoint)
     nodes.sort()
     return nodes
 
@@ -242,8 +245,14 @@ def _select(order: IntArray, value: Float64Array, start: int, stop: int, target:
 
 
 @kernel
-def _nearest_to_mean(points: Float64Array, order: IntArray, starts: IntArray) -> IntArray:
-    """For each kernel order[starts[k]:starts[k + 1]], its member nearest to its mean."""
+def _nearest_to_mean(
+    points: Float64Array, order: IntArray, starts: IntArray, viewpoint: Float64Array
+) -> IntArray:
+    """For each kernel order[starts[k]:starts[k + 1]], its member nearest to its mean.
+
+    The two members of a pair are as near as each other but for rounding, so near ties are settled
+    by the distance to the viewpoint, which no turn of the frame and no other order changes.
+    """
     nodes = np.empty(starts.shape[0] - 1, np.int64)
     for k in range(nodes.shape[0]):
         count = starts[k + 1] - starts[k]
@@ -256,6 +265,7 @@ def _nearest_to_mean(points: Float64Array, order: IntArray, starts: IntArray) ->
         my /= count
         mz /= count
         best = np.inf
+        best_sight = np.inf
         node = order[starts[k]]
         for m in range(starts[k], starts[k + 1]):
             i = order[m]
@@ -263,8 +273,15 @@ def _nearest_to_mean(points: Float64Array, order: IntArray, starts: IntArray) ->
             dy = points[i, 1] - my
             dz = points[i, 2] - mz
             square = dx * dx + dy * dy + dz * dz
-            if square < best or (square == best and i < node):
+            sx = points[i, 0] - viewpoint[0]
+            sy = points[i, 1] - viewpoint[1]
+            sz = points[i, 2] - viewpoint[2]
+            sight = sx * sx + sy * sy + sz * sz
+            nearer = square < best * (1.0 - NEAR_TIE)
+            tie = not nearer and square <= best * (1.0 + NEAR_TIE)
+            if nearer or (tie and (sight < best_sight or (sight == best_sight and i < node))):
                 best = square
+                best_sight = sight
                 node = i
         nodes[k] = node
     return nodes

@@ -22,7 +22,8 @@ SECTORS = 180
 """Directions of azimuth in which P0 reaches the nearest point directly."""
 
 SINGULAR = 1e-10
-"""A covariance whose eigenvalues differ by more than this ratio counts as singular."""
+"""Correlations whose eigenvalues differ by more than this ratio count as singular, and a variance
+of less than this share of the largest counts as none."""
 
 NEAREST_SHARE = 0.5
 """No force may shrink a point's ground range to less than this share of it."""
@@ -117,14 +118,15 @@ def whitening(points: Float64Array, metric: str) -> tuple[Float64Array, str]:
     if len(points) < 2:
         return np.eye(3), "euclidean"
     covariance = np.cov(points.T)
+    variance = covariance.diagonal()
+    spread = variance > SINGULAR * variance.max()
+    scale = np.diag(np.divide(1.0, np.sqrt(variance), out=np.zeros(3), where=spread))
     if metric == "mahalanobis":
-        value, vector = np.linalg.eigh(covariance)
+        # Judged and inverted as correlations: whether it is singular must not hang on the units.
+        value, vector = np.linalg.eigh(scale @ covariance @ scale)
         if value[0] > SINGULAR * value[-1]:
-            # The symmetric root: of all roots of the inverse covariance the one that turns least.
-            return vector @ np.diag(1.0 / np.sqrt(value)) @ vector.T, metric
-    deviation = np.sqrt(covariance.diagonal())
-    spread = deviation > 0
-    return np.diag(np.divide(1.0, deviation, out=np.zeros(3), where=spread)), "normalized"
+            return scale @ vector @ np.diag(1.0 / np.sqrt(value)) @ vector.T, metric
+    return scale, "normalized"
 
 
 def nearest_neighbours(y: Float64Array) -> IntArray:

@@ -1,0 +1,266 @@
+"""The whole method: invariants, real frames, and what malformed input gets."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import intervis
+from intervis import Camera, PointsError, PoseError, Settings, SettingsError, analyze
+from intervis.errors import CameraError, IntervisError
+
+CAM_FROM_VELO = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+CAMERA = Camera(np.array([[700.0, 0, 600, 0], [0, 700, 180, 0], [0, 0, 1, 0]]), 1242, 375)
+
+
+def street(seed, n=1500):
+    """Ground, two facades and a few boxes, in front of the sensor."""
+    rng = np.random.default_rng(seed)
+    along, across = rng.uniform(4, 60, n), rng.uniform(-9, 9, n)
+    ground = np.column_stack([along, across, np.full(n, -1.7) + rng.normal(0, 0.02, n)])
+    facade = np.column_stack(
+        [along, np.sign(across) * 10 + rng.normal(0, 0.02, n), rng.uniform(-1.7, 4, n)]
+    )
+    return np.vstack([ground, facade])
+
+
+def turned(points, angle_rad, shift):
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return points @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + shift
+
+
+@settings(max_examples=25)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(-3, 3),
+    st.sampled_from(["ground", "euclidean", "mahalanobis"]),
+    st.sampled_from(["elevation", "sight_angle"]),
+)
+def test_turning_and_moving_the_whole_world_changes_nothing(seed, angle_rad, metric, criterion):
+    points, viewpoint, shift = street(seed), np.array([0.3, 0.1, 0.0]), np.array([4.0, -7.0, 2.5])
+    chosen = Settings(view="circle", tau=20, metric=metric, criterion=criterion)
+    here = analyze(points, viewpoint=viewpoint, settings=chosen)
+    there = analyze(
+        turned(points, angle_rad, shift),
+        viewpoint=turned(viewpoint, angle_rad, shift),
+        settings=chosen,
+    )
+    assert there.nodes.tolist() == here.nodes.tolist()
+    assert there.edges.tolist() == here.edges.tolist()
+    assert there.node_intervisible.tolist() == here.node_intervisible.tolist()
+    assert there.edge_intervisible.tolist() == here.edge_intervisible.tolist()
+    assert there.measures == here.measures
+    assert there.cut == pytest.approx(here.cut)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1))
+def test_the_order_of_the_scan_changes_nothing(seed):
+    points = street(seed)
+    shuffle = np.random.default_rng(seed).permutation(len(points))
+    here = analyze(points, settings=Settings(tau=20))
+    there = analyze(points[shuffle], settings=Settings(tau=20))
+    assert sorted(shuffle[there.nodes].tolist()) == here.nodes.tolist()
+    assert there.measures == here.measures
+    own = {frozenset(here.nodes[e].tolist()) for e in here.edges[here.edge_intervisible]}
+    again = {
+        frozenset(shuffle[there.nodes][e].tolist()) for e in there.edges[there.edge_intervisible]
+    }
+    assert again == own
+
+
+def test_what_holds_of_every_result():
+    result = analyze(street(0), camera=CAMERA, cam_from_velo=CAM_FROM_VELO)
+    measures = result.measures
+    assert measures.n == len(result.nodes) == -(-measures.n_fov // 35)
+    assert measures.SP == measures.N + measures.n - 1
+    assert np.isin(result.nodes, result.in_view).all()
+    assert np.allclose(result.node_points, street(0)[result.nodes])
+    assert 0 < measures.TPI_unique <= 100
+    assert result.node_intervisible[result.edges[result.edge_intervisible]].all()
+    assert result.node_intervisible[result.triangles[result.region]].all()
+    in_tree = result.tree_parent >= -1
+    assert result.node_intervisible[in_tree].all()
+    assert in_tree[result.tree_parent[result.tree_parent >= 0]].all()
+    assert np.allclose(result.laplacian.sum(axis=1), 0)
+    assert result.times.total == pytest.approx(
+        sum(result.times[k] for k in list(result.times.keys())[:-1])
+    )
+    assert 0 < result.fiedler_cut()
+
+
+def test_the_viewpoint_is_the_camera_unless_said():
+    points = street(0)
+    baseline_term = np.array([[0, 0, 0, -350.0], [0, 0, 0, 0], [0, 0, 0, 0]])
+    shifted = Camera(CAMERA.projection + baseline_term, 1242, 375)
+    # P[0, 3] = -F B with B = 0.5 m: the camera stands half a metre to the right of the sensor.
+    result = analyze(points, camera=shifted, cam_from_velo=CAM_FROM_VELO)
+    assert np.allclose(result.viewpoint, [0, -0.5, 0])
+    assert analyze(points).viewpoint.tolist() == [0, 0, 0]
+    assert analyze(points, viewpoint=(5, 0, 1)).viewpoint.tolist() == [5, 0, 1]
+
+
+@pytest.mark.parametrize("name", ["ground", "polar", "angles"])
+@pytest.mark.parametrize("sampling", ["kernel", "stride", "radius"])
+@pytest.mark.parametrize("metric", ["mahalanobis", "normalized", "euclidean", "ground"])
+def test_every_choice_runs(name, sampling, metric):
+    for gate, weights in itertools.product(
+        ["degree", "mean", "shortest", "star_minimum", "none"], ["length", "unit"]
+    ):
+        chosen = Settings(
+            chart=name, sampling=sampling, metric=metric, gate=gate, weights=weights, radius_m=2.0
+        )
+        result = analyze(street(1), settings=chosen)
+        assert len(result.triangles) == result.measures.N > 0
+
+
+def test_inputs_are_not_changed():
+    points, viewpoint, mount = street(0).astype(np.float32), np.zeros(3), CAM_FROM_VELO.copy()
+    copies = points.copy(), viewpoint.copy(), mount.copy()
+    points.setflags(write=False)
+    analyze(points, camera=CAMERA, cam_from_velo=mount, viewpoint=viewpoint)
+    for now, before in zip((points, viewpoint, mount), copies, strict=True):
+        assert np.array_equal(now, before)
+
+
+def test_views_of_an_array_and_both_float_types_agree():
+    scan = np.column_stack([street(0), np.ones(3000)]).astype(np.float32)
+    plain = analyze(scan[:, :3].copy())
+    for other in (scan, np.asfortranarray(scan), scan[:, :3].astype(np.float64), scan.tolist()):
+        assert (
+            analyze(np.asarray(other, dtype=getattr(other, "dtype", np.float64))).measures
+            == plain.measures
+        )
+
+
+def test_points_that_are_not_finite_are_counted_and_keep_the_indices():
+    points = street(0)
+    holes = np.insert(
+        points, [0, 100, 200], [[np.nan, 0, 0], [0, np.inf, 0], [5, 5, -np.inf]], axis=0
+    )
+    result = analyze(holes)
+    assert (result.measures.n_dropped, result.measures.n_raw) == (3, 3000)
+    assert np.allclose(holes[result.nodes], result.node_points)
+    assert result.measures.TPI == analyze(points).measures.TPI
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.array([[10.0, 0, -1]]),
+        np.array([[10.0, 0, -1], [12, 0, -1]]),
+        np.array([[10.0, 0, -1], [12, 0, -1], [11, 1, -1]]),
+        np.column_stack([np.arange(5.0, 50), np.zeros(45), np.zeros(45)]),
+        np.tile([[10.0, 1, -1]], (50, 1)),
+        np.zeros((4, 3)),
+    ],
+    ids=["one", "two", "three", "collinear", "all equal", "all at the viewpoint"],
+)
+@pytest.mark.parametrize("tau", [1, 35])
+def test_few_or_degenerate_points_give_a_small_honest_result(points, tau):
+    for chart, metric in itertools.product(
+        ["ground", "angles", "polar"], ["ground", "mahalanobis"]
+    ):
+        result = analyze(points, settings=Settings(tau=tau, chart=chart, metric=metric))
+        assert result.measures.n == -(-len(points) // tau)
+        assert 0 <= result.measures.TPI <= 100
+        assert len(result.region) == len(result.triangles)
+        result.fiedler_cut()
+
+
+@pytest.mark.parametrize(
+    ("points", "sentence"),
+    [
+        (np.zeros((5, 3), np.int64), "must be float32 or float64 metres, got int64"),
+        (np.zeros((5, 2)), r"must have the shape \(N, 3\) or \(N, 4\), got \(5, 2\)"),
+        (np.zeros(5), r"got \(5,\)"),
+        (np.zeros((5, 3), complex), "complex128"),
+        ([["a", "b", "c"]], "float32 or float64"),
+        (np.empty((0, 3)), "no return is in view"),
+        (np.full((5, 3), np.nan), "0 are finite"),
+    ],
+)
+def test_malformed_points_get_one_sentence(points, sentence):
+    with pytest.raises(PointsError, match=sentence):
+        analyze(points)
+
+
+def test_all_points_behind_the_camera():
+    with pytest.raises(PointsError, match="no return is in view of the camera"):
+        analyze(street(0) * [-1, 1, 1], camera=CAMERA, cam_from_velo=CAM_FROM_VELO)
+
+
+@pytest.mark.parametrize(
+    "viewpoint", [(1, 2), (1, 2, np.nan), "abc", (1, 2, np.inf), np.zeros((1, 3))]
+)
+def test_malformed_viewpoints(viewpoint):
+    with pytest.raises(PointsError, match="viewpoint must be three"):
+        analyze(street(0), viewpoint=viewpoint)
+
+
+def test_cameras_and_mounts():
+    with pytest.raises(CameraError, match="needs cam_from_velo"):
+        analyze(street(0), camera=CAMERA)
+    for mount in (np.eye(3), np.diag([1.0, 1, -1, 1]), np.eye(4) * 2, np.full((4, 4), np.nan)):
+        with pytest.raises(PoseError, match="cam_from_velo"):
+            analyze(street(0), camera=CAMERA, cam_from_velo=mount)
+    with pytest.raises(CameraError):
+        Camera(np.eye(3), 10, 10)
+    with pytest.raises(CameraError):
+        Camera(CAMERA.projection, 0, 10)
+    with pytest.raises(CameraError):
+        Camera(np.zeros((3, 4)), 10, 10)
+
+
+@pytest.mark.parametrize("tau", [0, -3, 2.5, "many", None])
+def test_impossible_tau(tau):
+    with pytest.raises(SettingsError, match="tau"):
+        Settings(tau=tau)
+
+
+def test_unknown_settings_name_the_nearest():
+    with pytest.raises(SettingsError, match="did you mean 'criterion'"):
+        Settings(criterium="elevation")
+
+
+def test_every_error_has_one_root():
+    for error in (PointsError, PoseError, SettingsError, CameraError, intervis.DriveError):
+        assert issubclass(error, IntervisError)
+
+
+def test_settings_survive_a_file(tmp_path):
+    chosen = Settings(tau=7, influence_radius=3.5, criterion="elevation")
+    path = tmp_path / "settings.toml"
+    path.write_text(chosen.to_toml(), encoding="utf-8")
+    assert Settings.from_toml(path) == chosen
+    path.write_text("tau = 5\ncriterium = 1\n", encoding="utf-8")
+    with pytest.raises(SettingsError, match="did you mean"):
+        Settings.from_toml(path)
+    path.write_text("tau = = 5", encoding="utf-8")
+    with pytest.raises(SettingsError, match="no valid TOML"):
+        Settings.from_toml(path)
+    with pytest.raises(SettingsError, match="cannot read"):
+        Settings.from_toml(tmp_path / "nowhere.toml")
+    with pytest.raises(SettingsError, match="did you mean"):
+        chosen.with_changes(taw=3)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("tau", [10, 35, 100])
+def test_real_frames(shared_data, tau):
+    """N, SP and ARR are exact functions of n; TPI stays under its ceiling."""
+    drive = intervis.open_drive(shared_data / "kitti_object")
+    for frame in drive:
+        result = analyze(
+            frame.points,
+            camera=frame.camera,
+            cam_from_velo=frame.cam_from_velo,
+            settings=Settings(tau=tau),
+        )
+        measures = result.measures
+        assert measures.n == -(-measures.n_fov // tau)
+        assert measures.SP == measures.N + measures.n - 1
+        assert 15 < measures.TPI < 100 * measures.SP / (3 * measures.N)
+        assert np.array_equal(result.node_points, frame.points[result.nodes].astype(np.float64))

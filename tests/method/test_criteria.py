@@ -1,0 +1,185 @@
+"""MPCS and Algorithm 1 (Eq. 13) on stars small enough for paper, and against a literal double."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intervis.method.criteria import (
+    apply_criteria,
+    elevation_angle_rad,
+    intervisible_region,
+    reachable_tree,
+    shortest_radius,
+    sight_angle_deg,
+)
+from intervis.method.mesh import build_mesh, star_centroids
+from intervis.method.surface import build_surface
+
+ORIGIN = np.zeros(3)
+
+
+def test_equation_13_on_paper():
+    points = np.array([[2.0, 0, 0], [4, 0, 0], [1, 0, 0], [2, 3, 0], [3, 1, 0]])
+    i, j = np.zeros(4, int), np.array([1, 2, 3, 4])
+    # beyond: 180; in front: 0; square to the sight line: 90; beyond and aside: 135 degrees
+    assert np.allclose(sight_angle_deg(points, ORIGIN, i, j), [180, 0, 90, 135])
+    assert np.isnan(sight_angle_deg(np.zeros((2, 3)), ORIGIN, np.array([0]), np.array([1])))
+
+
+def test_elevation_angles_on_paper():
+    points = np.array([[3.0, 4, 5], [1, 0, 0], [0, 2, -2]])
+    assert np.allclose(np.rad2deg(elevation_angle_rad(points, ORIGIN)), [45, 0, -45])
+
+
+def test_readings_of_the_threshold_on_paper():
+    # A path 0 - 1 - 2 with lengths 2 and 5: degrees 2, 7, 5.
+    source, target = np.array([0, 1, 1, 2]), np.array([1, 2, 0, 1])
+    length = np.array([2.0, 5, 2, 5])
+    expected = {
+        "degree": [2, 7, 5],
+        "mean": [2, 3.5, 5],
+        "shortest": [2, 2, 5],
+        "star_minimum": [2, 2, 5],
+    }
+    for reading, values in expected.items():
+        assert shortest_radius(source, length, 3, target, reading).tolist() == values
+
+
+def judge_star(neighbour, criterion):
+    """Whether the second point of a pair is judged intervisible from the first at (10, 0, -1)."""
+    points = np.array([[10.0, 0, -1], neighbour])
+    verdict = apply_criteria(
+        points,
+        ORIGIN,
+        np.array([[0, 1]]),
+        np.array([1.0]),
+        np.array([50.0, 50.0]),
+        np.array([0.5, 0.5]),
+        gate="none",
+        criterion=criterion,
+    )
+    return bool(verdict.judged[0])
+
+
+@pytest.mark.parametrize(
+    ("neighbour", "by_elevation", "by_sight_angle"),
+    [
+        ((12.0, 0, -0.5), True, True),  # beyond and higher: seen over i
+        ((12.0, 0, -1.0), False, True),  # flat ground beyond: z says equal, the eye sees it
+        ((12.0, 0, -1.1), False, True),  # a little lower, still above the sight line over i
+        ((12.0, 0, -1.3), False, False),  # under the sight line, which is at z = -1.2 there
+        ((8.0, 0, -1.5), True, True),  # in front and lower: does not cover i
+        ((8.0, 0, -1.0), False, True),  # flat ground in front
+        ((8.0, 0, -0.5), False, False),  # in front and higher: covers i
+    ],
+)
+def test_lines_6_and_8(neighbour, by_elevation, by_sight_angle):
+    assert judge_star(neighbour, "elevation") is by_elevation
+    assert judge_star(neighbour, "sight_angle") is by_sight_angle
+
+
+def literal_algorithm_1(points, p0, edges, length, flow, l_gc, criterion):
+    """The pseudo code, one node and one neighbour at a time."""
+    star = {i: {} for i in range(len(points))}
+    for (a, b), l1 in zip(edges.tolist(), length.tolist(), strict=True):
+        star[a][b] = star[b][a] = l1
+
+    def gate(i, j):
+        d_min = sum(star[i].values())
+        return star[i][j] < d_min < flow[i]
+
+    def height(k):
+        if criterion == "elevation":
+            return points[k, 2]
+        x, y, z = points[k] - p0
+        return np.arctan2(z, np.hypot(x, y))
+
+    found = set()
+    for i, neighbours in star.items():
+        if neighbours and all(l1 < l_gc[i] for l1 in neighbours.values()):
+            continue
+        for j, l1 in neighbours.items():
+            if not gate(i, j) or not l1 > l_gc[i]:
+                continue
+            a, b = p0 - points[i], points[j] - points[i]
+            theta = np.degrees(np.arccos(np.clip(a @ b / np.sqrt((a @ a) * (b @ b)), -1, 1)))
+            if (theta > 90 and height(j) > height(i)) or (theta < 90 and height(j) < height(i)):
+                found.add(i)
+                if gate(j, i):
+                    found.add(j)
+    node = [i in found for i in range(len(points))]
+    edge = [a in found and b in found and gate(a, b) and gate(b, a) for a, b in edges.tolist()]
+    return node, edge
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(3, 60), st.sampled_from(["elevation", "sight_angle"]))
+def test_equals_the_literal_double(seed, n, criterion):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform([4, -15, -2], [50, 15, 2], (n, 3))
+    p0 = rng.normal(size=3)
+    surface = build_surface(points, p0)
+    mesh = build_mesh(surface.chart)
+    y = surface.metric_position
+    length = np.linalg.norm(y[mesh.edges[:, 0]] - y[mesh.edges[:, 1]], axis=1)
+    l_gc = np.linalg.norm(y - star_centroids(mesh, y), axis=1)
+    args = (points, p0, mesh.edges, length, surface.flow_distance, l_gc)
+    verdict = apply_criteria(*args, criterion=criterion)
+    node, edge = literal_algorithm_1(*args, criterion)
+    assert verdict.node.tolist() == node
+    assert verdict.edge.tolist() == edge
+    # The centroid is never as far as the longest edge: "every edge is shorter" cannot be.
+    assert not verdict.handed_over.any()
+
+
+def test_the_gate_keeps_out_what_spreads_wider_than_its_distance():
+    """Line 1: the row sum of edge lengths must stay under the flow distance."""
+    points = np.array([[10.0, 0, -1], [11, 0, -1], [10, 1, -1]])
+    edges, length = np.array([[0, 1], [0, 2], [1, 2]]), np.array([1.0, 1.0, np.sqrt(2)])
+    for flow, passes in ((10.0, True), (1.5, False)):
+        verdict = apply_criteria(
+            points, ORIGIN, edges, length, np.full(3, flow), np.full(3, 0.1), gate="degree"
+        )
+        assert verdict.gate.all() == passes
+        assert verdict.edge.any() == passes
+
+
+def test_region_needs_three_points_and_two_edges():
+    triangles, edges = (
+        np.array([[0, 1, 2], [1, 3, 2]]),
+        np.array([[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]),
+    )
+    every = np.ones(4, bool)
+
+    def region(node, edge):
+        return intervisible_region(triangles, edges, np.array(node), np.array(edge)).tolist()
+
+    assert region(every, np.array([1, 1, 0, 0, 0], bool)) == [True, False]
+    assert region(every, np.array([1, 0, 0, 0, 1], bool)) == [False, False]
+    assert region(every, np.array([0, 0, 1, 1, 0], bool)) == [False, True]
+    assert region([True, True, False, True], np.ones(5, bool)) == [False, False]
+    assert intervisible_region(np.empty((0, 3), int), edges, every, np.ones(5, bool)).shape == (0,)
+
+
+def test_tree_on_paper():
+    # 0 - 1 - 2 in a row and a way 0 - 3 - 2 that is longer; 4 hangs on an edge that is not
+    # intervisible; 5 is no intervisibility point.
+    edges = np.array([[0, 1], [0, 3], [1, 2], [2, 3], [2, 4], [4, 5]])
+    length = np.array([1.0, 3, 1, 3, 1, 1])
+    node = np.array([True, True, True, True, True, False])
+    edge = np.array([True, True, True, True, False, False])
+    parent = np.array([-1, 0, 1, 0, 2, 4])
+    tree = reachable_tree(edges, length, np.arange(6.0) + 1, parent, node, edge)
+    assert tree.tolist() == [-1, 0, 1, 0, -2, -2]
+
+
+def test_tree_starts_at_the_nearest_point_where_none_is_reached_directly():
+    edges, one = np.array([[0, 1], [1, 2]]), np.ones(2)
+    node, edge = np.array([False, True, True]), np.array([False, True])
+    tree = reachable_tree(edges, one, np.array([1.0, 2, 3]), np.array([-1, 0, 1]), node, edge)
+    assert tree.tolist() == [-2, -1, 1]
+    nothing = np.zeros(3, bool)
+    assert (
+        reachable_tree(edges, one, np.ones(3), np.full(3, -1), nothing, nothing[:2]).tolist()
+        == [-2] * 3
+    )

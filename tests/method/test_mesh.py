@@ -1,0 +1,103 @@
+"""Finite elements: Delaunay's empty circle, Euler's counts, Eq. 14 on paper."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from intervis.method.mesh import build_mesh, signed_area, star_centroids, unique_edges
+
+
+@given(st.integers(3, 60), st.integers(0, 2**32 - 1))
+def test_no_circumcircle_holds_another_point(n, seed):
+    chart = np.random.default_rng(seed).normal(size=(n, 2))
+    mesh = build_mesh(chart)
+    for triangle in mesh.triangles:
+        a, b, c = chart[triangle]
+        centre = np.linalg.solve(2 * np.array([b - a, c - a]), [b @ b - a @ a, c @ c - a @ a])
+        radius = np.linalg.norm(a - centre)
+        others = np.delete(chart, triangle, axis=0)
+        assert (np.linalg.norm(others - centre, axis=1) >= radius * (1 - 1e-9)).all()
+
+
+@given(st.integers(3, 200), st.integers(0, 2**32 - 1))
+def test_counts_of_the_paper(n, seed):
+    """N = 2n - 2 - h and SP = N + n - 1, and the triangles tile the convex hull."""
+    chart = np.random.default_rng(seed).normal(size=(n, 2))
+    mesh, hull = build_mesh(chart), ConvexHull(chart)
+    assert len(mesh.triangles) == 2 * n - 2 - len(hull.vertices)
+    assert len(mesh.edges) == len(mesh.triangles) + n - 1
+    assert mesh.area.sum() == pytest.approx(hull.volume)
+    assert (signed_area(chart, mesh.triangles) > 0).all()
+
+
+def test_equation_14_area_on_paper():
+    chart = np.array([[0.0, 0], [4, 0], [0, 3]])
+    assert signed_area(chart, np.array([[0, 1, 2], [0, 2, 1]])).tolist() == [6.0, -6.0]
+
+
+def test_equation_14_centroid_on_paper():
+    # Node 0 in a star of two triangles: areas 6 and 2, centroids (4/3, 1) and (-1/3... ).
+    chart = np.array([[0.0, 0], [4, 0], [0, 3], [-1, 1]])
+    mesh = build_mesh(chart)
+    stars = {tuple(sorted(t)): a for t, a in zip(mesh.triangles.tolist(), mesh.area, strict=True)}
+    assert stars == {(0, 1, 2): pytest.approx(6.0), (0, 2, 3): pytest.approx(1.5)}
+    centroid = star_centroids(mesh, chart)
+    x = (6 * (0 + 4 + 0) / 3 + 1.5 * (0 + 0 - 1) / 3) / 7.5
+    y = (6 * (0 + 0 + 3) / 3 + 1.5 * (0 + 3 + 1) / 3) / 7.5
+    assert np.allclose(centroid[0], [x, y])
+    assert np.allclose(centroid[1], [4 / 3, 1.0])  # one triangle: its own centroid
+
+
+@given(st.integers(3, 60), st.integers(0, 2**32 - 1))
+def test_centroids_equal_a_loop_over_stars(n, seed):
+    rng = np.random.default_rng(seed)
+    chart, position = rng.normal(size=(n, 2)), rng.normal(size=(n, 3))
+    mesh = build_mesh(chart)
+    found = star_centroids(mesh, position)
+    for node in range(n):
+        star = [k for k, t in enumerate(mesh.triangles) if node in t]
+        weight = mesh.area[star]
+        centres = np.array([position[mesh.triangles[k]].mean(axis=0) for k in star])
+        assert np.allclose(found[node], (weight[:, None] * centres).sum(axis=0) / weight.sum())
+
+
+@given(st.integers(3, 60), st.integers(0, 2**32 - 1))
+def test_edges_are_the_sides_of_the_triangles_each_once(n, seed):
+    mesh = build_mesh(np.random.default_rng(seed).normal(size=(n, 2)))
+    sides = {tuple(sorted((int(t[k]), int(t[k - 1])))) for t in mesh.triangles for k in range(3)}
+    assert [tuple(e) for e in mesh.edges.tolist()] == sorted(sides)
+    assert unique_edges(np.empty((0, 3), np.int64), 5).shape == (0, 2)
+
+
+def test_copies_of_a_position_do_not_break_the_mesh(rng):
+    chart = rng.normal(size=(30, 2))
+    twice = np.vstack([chart, chart[:10]])
+    mesh = build_mesh(twice)
+    assert len(mesh.triangles) == len(build_mesh(chart).triangles)
+    assert mesh.area.sum() == pytest.approx(ConvexHull(chart).volume)
+
+
+@pytest.mark.parametrize(
+    ("chart", "edges"),
+    [
+        (np.empty((0, 2)), []),
+        (np.zeros((1, 2)), []),
+        (np.array([[0.0, 0], [1, 0]]), [[0, 1]]),
+        (np.zeros((5, 2)), []),
+        (np.array([[3.0, 3], [1, 1], [2, 2]]), [[0, 2], [1, 2]]),
+        (np.array([[0.0, 2], [0, 1], [0, 3], [0, 1]]), [[0, 1], [0, 2]]),
+    ],
+)
+def test_points_without_a_triangle_give_a_chain(chart, edges):
+    mesh = build_mesh(chart)
+    assert len(mesh.triangles) == 0
+    assert mesh.edges.tolist() == edges
+    assert np.isnan(star_centroids(mesh, chart)).all()
+
+
+def test_a_scale_of_kilometres_or_millimetres_does_not_matter(rng):
+    chart = rng.normal(size=(50, 2))
+    for scale in (1e-4, 1e5):
+        assert build_mesh(chart * scale).edges.tolist() == build_mesh(chart).edges.tolist()

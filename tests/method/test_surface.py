@@ -1,0 +1,233 @@
+"""Eq. 3 to 8 against scipy's distances, values on paper, and networkx-free brute force."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import distance as scipy_distance
+
+from intervis.method.surface import (
+    build_surface,
+    chart_coordinates,
+    cohesion_force,
+    direct_reach,
+    flow_paths,
+    nearest_neighbours,
+    repulsion_force,
+    whitening,
+)
+
+ORIGIN = np.zeros(3)
+METRICS = ["mahalanobis", "normalized", "euclidean", "ground"]
+CHARTS = ["ground", "angles", "polar"]
+
+
+def cloud(seed, n=60):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(n, 3)) @ rng.normal(size=(3, 3)) + rng.normal(size=3) * 5
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_equation_4_is_the_mahalanobis_distance(seed):
+    points = cloud(seed)
+    weight, used = whitening(points, "mahalanobis")
+    assert used == "mahalanobis"
+    inverse_covariance = np.linalg.inv(np.cov(points.T))
+    for a, b in [(0, 1), (5, 40), (59, 3)]:
+        expected = scipy_distance.mahalanobis(points[a], points[b], inverse_covariance)
+        assert np.linalg.norm((points[a] - points[b]) @ weight) == pytest.approx(expected, rel=1e-6)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_equation_5_is_the_normalised_euclidean_distance(seed):
+    points = cloud(seed)
+    weight, used = whitening(points, "normalized")
+    assert used == "normalized"
+    expected = scipy_distance.seuclidean(points[0], points[1], points.var(axis=0, ddof=1))
+    assert np.linalg.norm((points[0] - points[1]) @ weight) == pytest.approx(expected)
+
+
+def test_a_singular_covariance_falls_back_to_equation_5(rng):
+    flat = np.column_stack([rng.normal(size=(50, 2)), np.full(50, -1.7)])
+    weight, used = whitening(flat, "mahalanobis")
+    assert used == "normalized"
+    assert np.isfinite(weight).all()
+    assert weight[2, 2] == 0.0  # an axis without spread carries no distance
+    assert np.allclose(weight.diagonal()[:2], 1 / flat[:, :2].std(axis=0, ddof=1))
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.1, 50))
+def test_mahalanobis_is_independent_of_the_units_of_each_axis(seed, scale):
+    points = cloud(seed)
+    stretched = points * [scale, 1.0, 1 / scale]
+    before, after = (p @ whitening(p, "mahalanobis")[0] for p in (points, stretched))
+    assert np.allclose(
+        scipy_distance.pdist(before), scipy_distance.pdist(after), rtol=1e-5, atol=1e-7
+    )
+
+
+def test_single_points_have_a_metric():
+    for metric in ("mahalanobis", "normalized", "euclidean", "ground"):
+        assert np.isfinite(whitening(np.ones((1, 3)), metric)[0]).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40))
+def test_neighbours_are_the_nearest_others(seed, n):
+    y = np.random.default_rng(seed).normal(size=(n, 3))
+    found = nearest_neighbours(y)
+    square = scipy_distance.cdist(y, y)
+    np.fill_diagonal(square, np.inf)
+    assert found.shape == (n, min(8, n - 1))
+    for i in range(n):
+        assert set(found[i]) == set(np.argsort(square[i])[: min(8, n - 1)])
+
+
+def test_among_copies_a_point_is_not_its_own_neighbour():
+    found = nearest_neighbours(np.zeros((30, 3)))
+    assert found.shape == (30, 8)
+    assert not (found == np.arange(30)[:, None]).any()
+
+
+def brute_force_paths(y, neighbours, reached):
+    """Bellman and Ford's relaxation until nothing changes, islands joined one at a time."""
+    direct = np.linalg.norm(y, axis=1)
+    distance = np.where(reached, direct, np.inf)
+    pairs = {(i, int(j)) for i in range(len(y)) for j in neighbours[i]}
+    pairs |= {(j, i) for i, j in pairs}
+    while True:
+        for _ in range(len(y)):
+            for i, j in pairs:
+                way = distance[i] + np.linalg.norm(y[i] - y[j])
+                distance[j] = min(distance[j], way)
+        islands = np.flatnonzero(np.isinf(distance))
+        if not len(islands):
+            return distance
+        nearest = islands[np.argmin(direct[islands])]
+        distance[nearest] = direct[nearest]
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 25))
+def test_flow_distance_is_the_shortest_path(seed, n):
+    rng = np.random.default_rng(seed)
+    y = rng.normal(size=(n, 3)) * 5
+    neighbours = nearest_neighbours(y)[:, :2]  # few ways on, so that islands occur
+    reached = rng.random(n) < 0.2
+    distance, parent = flow_paths(y, neighbours, reached)
+    assert np.allclose(distance, brute_force_paths(y, neighbours, reached))
+    for i in range(n):
+        if parent[i] >= 0:
+            step = np.linalg.norm(y[i] - y[parent[i]])
+            assert distance[i] == pytest.approx(distance[parent[i]] + step)
+        else:
+            assert distance[i] == pytest.approx(np.linalg.norm(y[i]))
+    assert (distance >= np.linalg.norm(y, axis=1) - 1e-9).all()  # never shorter than straight
+
+
+def test_flow_on_paper():
+    # P0 reaches (3, 0) only; (3, 4) follows over a way of 3 + 4.
+    y = np.array([[3.0, 0, 0], [3.0, 4, 0]])
+    distance, parent = flow_paths(y, np.array([[1], [0]]), np.array([True, False]))
+    assert distance.tolist() == [3.0, 7.0]
+    assert parent.tolist() == [-1, 0]
+
+
+def test_the_viewpoint_reaches_the_nearest_point_of_each_direction():
+    points = np.array([[5.0, 0.01, 0], [9, 0.01, 0], [0.01, 7, 0], [0.01, 6, 0]])
+    assert direct_reach(points, ORIGIN, points).tolist() == [True, False, False, True]
+
+
+def test_cohesion_equation_3_on_paper():
+    y = np.array([[0.0, 0, 0], [2, 0, 0], [0, 4, 0]])
+    force = cohesion_force(y, np.array([[1, 2], [0, 2], [0, 1]]), 0.5)
+    assert np.allclose(force[0], 0.5 * np.array([1.0, 2.0, 0.0]))  # alpha D towards the middle
+    assert np.linalg.norm(force[0]) == pytest.approx(0.5 * np.hypot(1, 2))
+
+
+def test_repulsion_equation_6_on_paper():
+    # R = 10, beta small enough not to be lowered: D' = 5, so rho = 1/2 and
+    # beta (1/rho - 1) / rho^2 R = beta * 1 * 4 * 10, along +x.
+    y = np.array([[5.0, 0, 0], [10.0, 0, 0], [20.0, 0, 0]])
+    distance, parent = np.array([5.0, 10.0, 20.0]), np.array([-1, 0, 1])
+    force = repulsion_force(y, distance, parent, 1e-3, 10.0)
+    assert np.allclose(force, [[0.04, 0, 0], [0, 0, 0], [0, 0, 0]])
+
+
+@given(st.floats(0.05, 0.95), st.floats(1e-6, 1.0))
+def test_repulsion_is_minus_the_gradient_of_the_field_of_equation_7(rho, beta):
+    radius = 7.0
+
+    def field(r):  # Eq. 7 in units of R
+        return 0.5 * beta * (1 / r - 1) ** 2
+
+    step = 1e-6
+    slope = -(field(rho + step) - field(rho - step)) / (2 * step)
+    y = np.array([[rho * radius, 0, 0]])
+    limit = 0.5 / (3 * rho**-4 - 2 * rho**-3)
+    force = repulsion_force(y, np.array([rho * radius]), np.array([-1]), beta, radius)[0, 0]
+    assert force == pytest.approx(slope * radius * min(1.0, limit / beta), rel=1e-4)
+
+
+@given(st.lists(st.floats(0.5, 60), min_size=2, max_size=40), st.floats(0, 100))
+def test_repulsion_keeps_the_order_along_the_sight_line(ranges, beta):
+    along = np.sort(np.array(ranges))
+    y = np.column_stack([along, np.zeros_like(along), np.zeros_like(along)])
+    force = repulsion_force(y, along, np.full(len(along), -1), beta, None)
+    assert (np.diff(along + force[:, 0]) >= -1e-9).all()
+    assert (force[along > np.median(along)] == 0).all()  # zero beyond the influence radius
+
+
+@pytest.mark.parametrize("chart", ["ground", "angles", "polar"])
+def test_charts_keep_the_direction_from_the_viewpoint(chart, rng):
+    points, viewpoint = rng.normal(size=(50, 3)) * 10, np.array([1.0, -2.0, 0.5])
+    moved_m = rng.normal(size=(50, 3))
+    coordinates = chart_coordinates(points, moved_m, viewpoint, chart)
+    offset = points - viewpoint
+    azimuth_rad = np.arctan2(offset[:, 1], offset[:, 0])
+    if chart == "ground":
+        assert np.allclose(np.arctan2(coordinates[:, 1], coordinates[:, 0]), azimuth_rad)
+    else:
+        assert np.allclose(coordinates[:, 0], azimuth_rad)
+    if chart == "angles":
+        expected = np.arcsin(offset[:, 2] / np.linalg.norm(offset, axis=1))
+        assert np.allclose(coordinates[:, 1], expected)
+
+
+def test_without_forces_the_ground_chart_is_the_ground_plane(rng):
+    points, viewpoint = rng.normal(size=(50, 3)) * 10, np.array([1.0, -2.0, 0.5])
+    surface = build_surface(points, viewpoint, cohesion=0.0, repulsion=0.0, chart="ground")
+    assert np.allclose(surface.chart, (points - viewpoint)[:, :2])
+    polar = build_surface(points, viewpoint, cohesion=0.0, repulsion=0.0, chart="polar").chart
+    assert np.allclose(np.exp(polar[:, 1]), np.linalg.norm((points - viewpoint)[:, :2], axis=1))
+
+
+def test_forces_even_out_the_distribution(rng):
+    """The near field of a scan is thinned: its share of nodes in the inner quarter of the area."""
+    range_m = np.exp(rng.uniform(np.log(4), np.log(60), 2000))  # as dense as 1 / r^2
+    azimuth_rad = rng.uniform(-0.7, 0.7, 2000)
+    points = np.column_stack(
+        [range_m * np.cos(azimuth_rad), range_m * np.sin(azimuth_rad), np.full(2000, -1.7)]
+    )
+    plain = build_surface(points, ORIGIN, cohesion=0.0, repulsion=0.0).chart
+    moved = build_surface(points, ORIGIN, cohesion=0.0, repulsion=0.1).chart
+    near = 6.0
+    assert (np.linalg.norm(moved, axis=1) < near).sum() < (
+        np.linalg.norm(plain, axis=1) < near
+    ).sum()
+
+
+@pytest.mark.parametrize(
+    ("metric", "chart"),
+    list(itertools.product(METRICS, CHARTS)),
+)
+@pytest.mark.parametrize("n", [1, 2, 3, 9])
+def test_few_equal_or_collinear_points_give_finite_surfaces(metric, chart, n):
+    for points in (
+        np.tile([5.0, 1.0, -1.0], (n, 1)),
+        np.column_stack([np.arange(1.0, n + 1), np.zeros(n), np.zeros(n)]),
+        np.zeros((n, 3)),
+    ):
+        surface = build_surface(points, ORIGIN, metric=metric, chart=chart)
+        assert np.isfinite(surface.chart).all()
+        assert np.isfinite(surface.flow_distance).all()
