@@ -39,7 +39,9 @@ def read_npy(path: Path) -> Scan:
     try:
         # Mapped, not loaded: a header that promises more than the file holds is found out for free.
         rows = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError, SyntaxError) as error:
+    except OSError as error:
+        raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
+    except Exception as error:  # numpy hands a broken header to Python's parser: anything may come
         raise ScanError(f"the scan {path} is no readable .npy array: {_brief(error)}.") from None
     if not isinstance(rows, np.ndarray):
         raise ScanError(f"the scan {path} is an archive of arrays, not one .npy array.")

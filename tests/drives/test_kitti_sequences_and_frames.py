@@ -1,0 +1,213 @@
+"""KITTI odometry and KITTI object."""
+
+import logging
+
+import numpy as np
+import pytest
+from drive_layouts import (
+    IDENTITY_LINE,
+    OBJECT_CALIBRATION,
+    pose_line,
+    scan_rows,
+    write_kitti_object,
+    write_kitti_odometry,
+    write_png,
+    write_scan,
+    write_text,
+)
+
+from intervis.drives import open_drive
+from intervis.errors import CalibrationError, DriveError
+
+# --- odometry ---
+
+
+def test_a_sequence_holds_what_its_files_hold(tmp_path):
+    root = write_kitti_odometry(tmp_path, scans=(0, 2))
+    write_text(root / "times.txt", "0.0\n1.037875e-01\n2.074e-01\n3.1e-01\n")
+    drive = open_drive(root)
+    assert (drive.layout, drive.name, drive.frame_numbers) == ("kitti_odometry", "04", (0, 2))
+    assert drive.camera_names == ("image_0", "image_2", "image_3")
+    frame = drive[2]
+    assert np.array_equal(frame.points, scan_rows(2)[:, :3])
+    assert frame.stamp_ns == 207_400_000
+    assert frame.image_path.name == "000002.png"
+    assert frame.pose is None
+    # The calibration tells no size: the pictures do.
+    assert (frame.camera.width_px, frame.camera.height_px) == (62, 18)
+    assert frame.camera.projection[0, 3] == 35
+    # LiDAR point (10, 2, 1) in the camera, which is 0.27 m ahead and 0.08 m below: by hand.
+    assert np.allclose(frame.cam_from_velo @ [10, 2, 1, 1], [-2, -1.08, 9.73, 1])
+    assert open_drive(root, camera="image_3").camera.projection[0, 3] == -350
+
+
+def test_camera_poses_become_lidar_poses(tmp_path):
+    # By hand. The camera drives 10 m ahead and turns 90 degrees to the right: its z axis then lies
+    # along the old x, its x along the old -z. The LiDAR rides 0.27 m behind and 0.08 m above the
+    # camera: after the turn 0.27 m to the left of it. So the LiDAR is at
+    # (0.27 + 10, 0 + 0.27, 0), and looks along -y.
+    root = write_kitti_odometry(tmp_path)
+    turned = "0 0 1 0 0 1 0 0 -1 0 0 10"
+    write_text(tmp_path / "poses/04.txt", f"{IDENTITY_LINE}\n{turned}\n")
+    drive = open_drive(root)
+    assert np.allclose(drive[0].pose, np.eye(4), atol=1e-12)
+    expected = [[0, 1, 0, 10.27], [-1, 0, 0, 0.27], [0, 0, 1, 0], [0, 0, 0, 1]]
+    assert np.allclose(drive[1].pose, expected, atol=1e-12)
+
+
+def test_line_k_of_the_poses_is_frame_k_even_where_scans_are_missing_at_the_end(tmp_path):
+    root = write_kitti_odometry(tmp_path, scans=(1, 3))
+    lines = "\n".join(pose_line(0, 0, 10 * n) for n in range(9))
+    write_text(root / "poses.txt", lines)  # SemanticKITTI's place
+    drive = open_drive(root)
+    assert np.isclose(drive[1].pose[0, 3], 10)
+    assert np.isclose(drive[3].pose[0, 3], 30)
+    write_text(root / "poses.txt", "\n".join([pose_line(0)] * 3))
+    with pytest.raises(CalibrationError, match=r"poses\.txt has 3 lines, .* 2 scans .* \(4 lines"):
+        open_drive(root)
+
+
+def test_the_only_sequence_is_found_from_above_and_of_two_one_must_be_named(tmp_path):
+    root = write_kitti_odometry(tmp_path)
+    assert open_drive(tmp_path).root == root
+    assert open_drive(tmp_path / "sequences").root == root
+    write_kitti_odometry(tmp_path, name="05")
+    with pytest.raises(DriveError, match=r"holds 2 sequences, .*: sequences/04, sequences/05\."):
+        open_drive(tmp_path)
+
+
+def test_odometry_calibration_may_be_missing_only_where_nothing_needs_it(tmp_path):
+    root = write_kitti_odometry(tmp_path)
+    (root / "calib.txt").unlink()
+    with pytest.raises(CalibrationError, match=r"calib\.txt is missing"):
+        open_drive(root)
+    for picture in (root / "image_2").iterdir():
+        picture.unlink()
+    (root / "image_2").rmdir()
+    drive = open_drive(root)
+    assert drive.camera is None
+    assert drive[1].cam_from_velo is None
+    write_text(tmp_path / "poses/04.txt", IDENTITY_LINE + "\n" + IDENTITY_LINE)
+    with pytest.raises(CalibrationError, match=r"calib\.txt is missing"):
+        open_drive(root)
+
+
+def test_without_pictures_kittis_size_is_taken_and_said(tmp_path, caplog):
+    root = write_kitti_odometry(tmp_path)
+    for picture in (root / "image_2").iterdir():
+        picture.unlink()
+    with caplog.at_level(logging.INFO):
+        camera = open_drive(root).camera
+    assert (camera.width_px, camera.height_px) == (1242, 375)
+    assert "1242 x 375" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "message"),
+    [
+        ("times.txt", "0.0\nsoon\n", r"times\.txt, line 2: 'soon' is no number"),
+        ("times.txt", "0.0\n1 2\n", r"times\.txt, line 2: expected one time in seconds"),
+        ("times.txt", "0.0\n1\n2\n", None),
+        ("times.txt", "0.0\n", r"times\.txt has 1 lines"),
+        ("calib.txt", "P2: 1 2\n", r"calib\.txt, line 1: P2 needs 12 numbers, it has 2"),
+    ],
+)
+def test_odometry_side_files_that_do_not_fit(tmp_path, file, text, message):
+    root = write_kitti_odometry(tmp_path)
+    write_text(root / file, text)
+    if message is None:
+        assert open_drive(root)[1].stamp_ns == 10**9
+        return
+    with pytest.raises(CalibrationError, match=message):
+        open_drive(root)
+
+
+def test_a_sequence_without_scans(tmp_path):
+    root = write_kitti_odometry(tmp_path, scans=())
+    (root / "velodyne").mkdir()
+    with pytest.raises(DriveError, match=r"holds no scans: looked for velodyne/\*\.bin"):
+        open_drive(root)
+
+
+# --- object ---
+
+
+@pytest.mark.parametrize("above", [False, True])
+def test_object_frames_have_their_own_cameras(tmp_path, above):
+    root = write_kitti_object(tmp_path)
+    other = OBJECT_CALIBRATION.replace("P2: 7.0e+02", "P2: 6.5e+02")
+    write_text(root / "calib/000003.txt", other)
+    drive = open_drive(tmp_path if above else root)
+    assert (drive.layout, drive.frame_numbers) == ("kitti_object", (0, 3))
+    assert [drive[n].camera.fx_px for n in (0, 3)] == [700, 650]
+    assert [drive[n].camera.width_px for n in (0, 3)] == [60, 63]  # from each frame's picture
+    assert drive.camera.fx_px == 700
+    assert drive[3].pose is None
+    assert np.array_equal(drive[3].points, scan_rows(3)[:, :3])
+    # R0_rect maps (x, y, z) to (y, -x, z), after Tr_velo_to_cam: by hand.
+    assert np.allclose(drive[3].cam_from_velo @ [10, 2, 1, 1], [-1.08, 2, 9.73, 1])
+    assert open_drive(root, camera="image_3")[3].camera.projection[0, 3] == -350
+
+
+def test_one_bad_calibration_is_its_own_frames_matter(tmp_path):
+    root = write_kitti_object(tmp_path, scans=(0, 1, 2))
+    write_text(root / "calib/000000.txt", OBJECT_CALIBRATION.replace("R0_rect: 0", "R0_rect: o"))
+    (root / "calib/000002.txt").unlink()
+    drive = open_drive(root)
+    with pytest.raises(CalibrationError, match=r"000000\.txt, line 4: 'o' is no number"):
+        drive[0]
+    with pytest.raises(CalibrationError, match=r"000002\.txt is missing"):
+        drive[2]
+    assert drive[1].camera.fx_px == 700
+
+
+def test_every_calibration_broken(tmp_path):
+    root = write_kitti_object(tmp_path)
+    for path in (root / "calib").iterdir():
+        path.write_text("nothing")
+    drive = open_drive(root)
+    with pytest.raises(CalibrationError, match=r"000003\.txt, line 1: expected KEY: numbers"):
+        drive[3]
+
+
+def test_object_images_without_calibration(tmp_path):
+    root = write_kitti_object(tmp_path)
+    for path in (root / "calib").iterdir():
+        path.unlink()
+    with pytest.raises(CalibrationError, match="images and no calibration: each frame needs a"):
+        open_drive(root)
+
+
+def test_an_object_frame_without_its_picture(tmp_path):
+    root = write_kitti_object(tmp_path)
+    (root / "image_2/000003.png").unlink()
+    frame = open_drive(root)[3]
+    assert frame.image_path is None
+    assert (frame.camera.width_px, frame.camera.height_px) == (1242, 375)
+    (root / "image_2/000000.png").write_bytes(b"no picture")
+    with pytest.raises(DriveError, match=r"000000\.png is no PNG picture"):
+        open_drive(root)[0]
+
+
+def test_testing_is_found_where_there_is_no_training(tmp_path):
+    write_kitti_object(tmp_path).rename(tmp_path / "testing")
+    assert open_drive(tmp_path).name == "testing"
+
+
+def test_object_without_scans(tmp_path):
+    root = write_kitti_object(tmp_path, scans=())
+    (root / "velodyne").mkdir(parents=True)
+    (root / "calib").mkdir()
+    with pytest.raises(DriveError, match="holds no scans"):
+        open_drive(root)
+
+
+def test_object_scans_alone_open_without_a_camera(tmp_path):
+    write_scan(tmp_path / "velodyne/000004.bin", 4)
+    (tmp_path / "calib").mkdir()
+    drive = open_drive(tmp_path)
+    assert drive.camera is None
+    assert drive[4].camera is None
+    write_png(tmp_path / "image_2/000004.png", 4, 4)
+    with pytest.raises(CalibrationError, match="images and no calibration"):
+        open_drive(tmp_path)

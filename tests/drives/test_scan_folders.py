@@ -1,0 +1,179 @@
+"""Folders of scans, single files, what is no drive, and a drive's identity."""
+
+import json
+import logging
+import shutil
+
+import numpy as np
+import pytest
+from drive_layouts import (
+    CAM_TO_CAM,
+    VELO_TO_CAM,
+    pose_line,
+    scan_rows,
+    write_kitti_raw,
+    write_scan,
+    write_text,
+)
+
+from intervis.drives import open_drive
+from intervis.errors import CalibrationError, DriveError, ScanError
+
+
+@pytest.mark.parametrize("place", ["", "scans"])
+def test_scans_are_numbered_by_their_names(tmp_path, place):
+    for number in (10, 9, 300):
+        write_scan(tmp_path / place / f"scan_{number}.bin", number)
+    write_text(tmp_path / "poses.txt", "\n".join(pose_line(n) for n in (9, 10, 300)))
+    write_text(tmp_path / place / "readme.txt", "not a scan")
+    drive = open_drive(tmp_path)
+    assert (drive.layout, drive.frame_numbers) == ("scan_folder", (9, 10, 300))
+    for frame in drive:
+        assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
+        assert frame.pose[0, 3] == frame.number
+        assert frame.camera is None
+    with pytest.raises(DriveError, match="has no camera '2': it has none"):
+        open_drive(tmp_path, camera="2")
+
+
+@pytest.mark.parametrize("names", [("b", "a", "c"), ("x1_v2", "x2_v2", "x3_v2"), ("1", "b", "2")])
+def test_names_without_numbers_are_taken_in_order_and_said(tmp_path, caplog, names):
+    for number, name in enumerate(sorted(names)):
+        write_scan(tmp_path / f"{name}.bin", number)
+    drive = open_drive(tmp_path)
+    assert "give no frame numbers" in caplog.text
+    assert drive.frame_numbers == (0, 1, 2)
+    for frame in drive:
+        assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
+
+
+def test_numbered_names_say_nothing(tmp_path, caplog):
+    write_scan(tmp_path / "17.bin", 17)
+    with caplog.at_level(logging.INFO):
+        assert open_drive(tmp_path).frame_numbers == (17,)
+    assert not caplog.records
+
+
+def test_kitti_calibration_in_the_folder_is_used(tmp_path):
+    write_scan(tmp_path / "scans/000000.bin", 0)
+    write_text(tmp_path / "calib_cam_to_cam.txt", CAM_TO_CAM)
+    with pytest.raises(CalibrationError, match=r"calib_velo_to_cam\.txt is missing"):
+        open_drive(tmp_path)
+    write_text(tmp_path / "calib_velo_to_cam.txt", VELO_TO_CAM)
+    frame = open_drive(tmp_path)[0]
+    assert (frame.camera.name, frame.camera.width_px) == ("image_02", 64)
+    assert np.allclose(frame.cam_from_velo @ [10, 2, 1, 1], [-1.08, 2, 9.73, 1])
+    assert frame.image is None
+    assert open_drive(tmp_path, camera="image_03").camera.name == "image_03"
+
+
+def test_mixed_formats_are_refused(tmp_path):
+    write_scan(tmp_path / "0.bin", 0)
+    write_scan(tmp_path / "1.bin", 0)
+    np.save(tmp_path / "2.npy", np.zeros((3, 3)))
+    with pytest.raises(DriveError, match=r"mixes scans of several formats \(2 \.bin, 1 \.npy\)"):
+        open_drive(tmp_path)
+
+
+@pytest.mark.parametrize("line", ["1 2 3", "0 0 0 0 0 0 0 0 0 0 0 0"])
+def test_bad_poses_of_a_folder_name_the_line(tmp_path, line):
+    write_scan(tmp_path / "0.bin", 0)
+    write_text(tmp_path / "poses.txt", line)
+    with pytest.raises(CalibrationError, match=r"poses\.txt, line 1:"):
+        open_drive(tmp_path)
+
+
+def test_empty_poses_do_not_fit(tmp_path):
+    write_scan(tmp_path / "0.bin", 0)
+    write_text(tmp_path / "poses.txt", "")
+    with pytest.raises(CalibrationError, match=r"poses\.txt has 0 lines"):
+        open_drive(tmp_path)
+
+
+def test_a_single_scan_is_frame_0(tmp_path):
+    write_scan(tmp_path / "000042.bin", 3)
+    drive = open_drive(tmp_path / "000042.bin")
+    assert (drive.layout, drive.name, drive.frame_numbers) == ("single_scan", "000042.bin", (0,))
+    assert np.array_equal(drive[0].points, scan_rows(3)[:, :3])
+    assert drive.poses is None
+    with pytest.raises(DriveError, match="no camera 'image_02': a single scan has none"):
+        open_drive(tmp_path / "000042.bin", camera="image_02")
+
+
+# --- what is no drive ---
+
+
+def test_nothing_there(tmp_path):
+    with pytest.raises(DriveError, match=r"there is nothing at .*gone: check the path\.$"):
+        open_drive(tmp_path / "gone")
+
+
+def test_an_empty_folder(tmp_path):
+    with pytest.raises(DriveError, match=r"^the folder .* is empty\.$"):
+        open_drive(tmp_path)
+
+
+def test_a_file_of_another_kind(tmp_path):
+    with pytest.raises(DriveError, match=r"notes\.txt is no scan: its name must end in .*\.bin"):
+        open_drive(write_text(tmp_path / "notes.txt", "hello"))
+
+
+def test_an_unknown_folder_says_what_was_looked_for_and_found(tmp_path):
+    for number in range(12):
+        write_text(tmp_path / f"{number:02d}.laz", "")
+    with pytest.raises(DriveError) as caught:
+        open_drive(tmp_path)
+    message = str(caught.value)
+    for word in ("KITTI raw", "KITTI odometry", "KITTI object", "scans/", ".npy", ".pcd", ".ply"):
+        assert word in message
+    assert message.endswith("Found: 00.laz, 01.laz, 02.laz, 03.laz, 04.laz, 05.laz, 06.laz, "
+                            "07.laz, ....")  # fmt: skip
+
+
+def test_a_scan_that_vanishes_after_opening(tmp_path):
+    write_scan(tmp_path / "0.bin", 0)
+    write_scan(tmp_path / "1.bin", 1)
+    drive = open_drive(tmp_path)
+    (tmp_path / "1.bin").unlink()
+    with pytest.raises(ScanError, match=r"cannot read the scan .*1\.bin: No such file"):
+        drive[1]
+    with pytest.raises(DriveError, match=r"cannot read .*1\.bin: No such file"):
+        drive.identity()
+
+
+# --- identity ---
+
+
+def test_identity_is_json_and_the_same_in_another_place(tmp_path):
+    root = write_kitti_raw(tmp_path / "here", images=(0, 1))
+    write_text(root / "poses.txt", "\n".join(pose_line(n) for n in range(3)))
+    identity = open_drive(root).identity()
+    assert json.loads(json.dumps(identity)) == identity
+    assert identity["layout"] == "kitti_raw"
+    assert (identity["frames"], identity["first"], identity["last"]) == (3, 0, 2)
+    assert identity["scan_bytes"] == 3 * 80
+    assert identity["camera"] == "image_02"
+    shutil.copytree(tmp_path / "here", tmp_path / "there")
+    assert open_drive(tmp_path / "there").identity() == identity
+
+
+@pytest.mark.parametrize("change", ["content", "size", "number", "calibration", "pose", "image"])
+def test_identity_notices_a_changed_input(tmp_path, change):
+    root = write_kitti_raw(tmp_path, images=(0, 1))
+    poses = write_text(root / "poses.txt", "\n".join(pose_line(n) for n in range(3)))
+    before = open_drive(root).identity()
+    scan = root / "velodyne_points/data/0000000001.bin"
+    if change == "content":
+        write_scan(scan, 7)
+    elif change == "size":
+        write_scan(scan, 1, count=6)
+    elif change == "number":
+        scan.rename(scan.with_name("0000000009.bin"))
+    elif change == "calibration":
+        path = root.parent / "calib_cam_to_cam.txt"
+        path.write_text(path.read_text().replace("7.0e+02", "7.1e+02"))
+    elif change == "pose":
+        poses.write_text(poses.read_text().replace("1 0 0 2 ", "1 0 0 3 "))
+    else:
+        (root / "image_02/data/0000000001.png").unlink()
+    assert open_drive(root).identity()["digest"] != before["digest"]
