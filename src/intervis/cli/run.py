@@ -48,9 +48,10 @@ def run(
         bool, typer.Option("--overwrite", help="Remove an earlier run from --out first.")
     ] = False,
 ) -> int:
-    """Run the method over a drive, or one scan: a file a frame, a summary, a table.
+    """Run the method over a drive or one scan.
 
-    A run that was stopped goes on where it stopped when the same command is given again.
+    Writes a file for each frame and a summary, and prints a table in the paper's terms. A run
+    that was stopped goes on where it stopped when the same command is given again.
     """
     place = options.viewpoint(viewpoint)
     asked_frames = options.frame_range(frames)

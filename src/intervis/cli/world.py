@@ -17,7 +17,10 @@ def simulate(
     frames: Frames = 10,
     seed: Seed = 0,
 ) -> None:
-    """Write a drive through the built-in street, in KITTI's raw layout, with its triangles."""
+    """Write a simulated drive in KITTI's raw layout.
+
+    With calibration, images, poses, times and the triangles of its world.
+    """
     show(f"Drive: {_simulate(out, frames, seed)}")
 
 
@@ -28,7 +31,10 @@ def demo(
     frames: Frames = 10,
     seed: Seed = 0,
 ) -> int:
-    """Simulate a drive, run the method over it, and show it: tables, pictures and a page."""
+    """Simulate a drive, analyse it, show it.
+
+    Writes the drive, its results, tables, pictures and a page to open.
+    """
     from intervis.drives import open_drive
     from intervis.report.run_report import report_run
     from intervis.stream import run as run_drive
@@ -42,9 +48,12 @@ def demo(
             overwrite=True,
         )
     show_run(summary)
-    report = report_run(drive, summary, out)
-    for path in report.paths:
-        show(f"{path}")
+    note = f"A simulated drive through the built-in street, seed {seed}."
+    report = report_run(drive, summary, out, source_note=note)
+    show(f"Drive: {drive.root}")
+    for path in report.paths[1:]:
+        show(f"Report: {path}")
+    show(f"Page: {report.paths[0]}")
     if report.missing is not None:
         tell(f"note: {report.missing}")
     return 1 if summary.failures else 0

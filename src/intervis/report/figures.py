@@ -38,6 +38,9 @@ CHART_AXES = {
 SHOWN_PERCENT = 98.0
 """A view from above reaches as far as this share of what it shows; a few stray ones lie beyond."""
 
+LEAST_ASPECT = 0.9
+"""The short side of a mesh's view over its long one: side by side, panels look alike."""
+
 MIDDLE_PERCENT = 90.0
 NEAR_PERCENT = 70.0
 """A mesh in the overview, and its close-up, reach as far as these shares of the nodes."""
@@ -55,14 +58,14 @@ def overview(frame: "Frame", analysis: "Analysis") -> "Figure":
         with page_figure(3.6, ncols=2) as (figure, axes):
             draw_scan(axes[0], frame, analysis)
             draw_intervisibility(axes[1], analysis, MIDDLE_PERCENT)
-            legend_below(figure, axes[1], 6)
+            legend_below(figure, axes[1])
             return figure
     mosaic = [["camera", "camera"], ["scan", "mesh"]]
     with page_figure(5.6, mosaic=mosaic, height_ratios=[1.0, 1.45]) as (figure, axes):
         draw_camera_view(axes["camera"], frame, analysis)
         draw_scan(axes["scan"], frame, analysis)
         draw_intervisibility(axes["mesh"], analysis, MIDDLE_PERCENT)
-        legend_below(figure, axes["mesh"], 6)
+        legend_below(figure, axes["mesh"])
         return figure
 
 
@@ -77,7 +80,7 @@ def scan_from_above(frame: "Frame", analysis: "Analysis") -> "Figure":
     """The whole scan from above, with the field of view."""
     with page_figure(5.8) as (figure, axes):
         draw_scan(axes, frame, analysis)
-        legend_below(figure, axes, 4)
+        legend_below(figure, axes)
         return figure
 
 
@@ -86,7 +89,7 @@ def surface(analysis: "Analysis") -> "Figure":
     with page_figure(3.5, ncols=2) as (figure, axes):
         draw_surface(axes[0], analysis)
         draw_displacement(axes[1], analysis)
-        legend_below(figure, axes[0], 3)
+        legend_below(figure, axes[0])
         return figure
 
 
@@ -97,7 +100,7 @@ def intervisibility(analysis: "Analysis") -> "Figure":
         draw_intervisibility(axes[1], analysis, NEAR_PERCENT, scale=2.0)
         axes[1].set_title("Close up")
         _outline(axes[0], axes[1])
-        legend_below(figure, axes[1], 6)
+        legend_below(figure, axes[1])
         return figure
 
 
@@ -136,7 +139,7 @@ def draw_camera_view(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
         + ("" if image is not None else " (this frame has no image)"),
     )
     bar = colour_bar(axes, shown, "range, m")
-    ticks = [m for m in (1, 2, 5, 10, 20, 50, 100, 200) if near_m <= m <= far_m]
+    ticks = [m for m in (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 80, 120, 200) if near_m <= m <= far_m]
     bar.set_ticks(ticks, labels=[str(m) for m in ticks], minor=False)
     bar.minorticks_off()
 
@@ -149,7 +152,8 @@ def draw_scan(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
     outside[analysis.in_view] = False
     inside = frame.points[analysis.in_view]
     low, high = np.percentile(inside[:, 2], [1, 99])
-    dots(axes, frame.points[outside], s=0.15, color=FAINT, label="returns out of view")
+    if outside.any():
+        dots(axes, frame.points[outside], s=0.15, color=FAINT, label="returns out of view")
     shown = dots(
         axes,
         inside,
@@ -160,8 +164,9 @@ def draw_scan(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
         vmax=high,
         label="returns in view",
     )
-    for border in _view_borders(frame, analysis, 3 * reach_m)[:2]:
-        axes.plot(border[:, 0], border[:, 1], color=INK, linewidth=0.8, label="field of view")
+    for nth, border in enumerate(_view_borders(frame, analysis, 3 * reach_m)):
+        label = "_" if nth else "border of the view"
+        axes.plot(border[:, 0], border[:, 1], color=INK, linewidth=0.8, label=label)
     _mark_viewpoint(axes, analysis.viewpoint)
     _top_view(axes, (-reach_m, reach_m), (-reach_m, reach_m))
     axes.set_title(f"Scan from above: {count:,} returns")
@@ -188,6 +193,7 @@ def draw_surface(axes: Any, analysis: "Analysis") -> None:
     axes.set(xlabel=horizontal, ylabel=vertical, title="Manifold auxiliary surface")
     if analysis.settings.chart == "ground":
         axes.set_aspect("equal")
+        axes.set_anchor("N")
     colour_bar(axes, shown, f"flow distance D′, {_unit(analysis)}")
 
 
@@ -230,6 +236,7 @@ def draw_intervisibility(
     ground = analysis.node_points[:, :2]
     region = list(ground[analysis.triangles[analysis.region]])
     lines, good = ground[analysis.edges], analysis.edge_intervisible
+    size = scale * float(np.clip(np.sqrt(600 / max(len(ground), 1)), 0.3, 1.0))
     axes.add_collection(
         PolyCollection(region, facecolor=REGION, alpha=0.65, linewidths=0, label="region")
     )
@@ -238,14 +245,14 @@ def draw_intervisibility(
         (good, INTERVISIBLE, "intervisible edge"),
     ):
         axes.add_collection(
-            LineCollection(list(lines[chosen]), colors=colour, linewidths=0.5 * scale, label=label)
+            LineCollection(list(lines[chosen]), colors=colour, linewidths=0.5 * size, label=label)
         )
     point = analysis.node_intervisible
-    dots(axes, ground[~point], s=2 * scale, color="#9aa1ab", zorder=3, label="other node")
-    dots(axes, ground[point], s=3 * scale, color=NODE, zorder=4, label="intervisibility point")
+    dots(axes, ground[~point], s=2 * size, color="#9aa1ab", zorder=3, label="other node")
+    dots(axes, ground[point], s=3 * size, color=NODE, zorder=4, label="intervisibility point")
     _mark_viewpoint(axes, analysis.viewpoint)
     _top_view(axes, *_extent(ground, analysis.viewpoint, percent))
-    axes.set_title(f"Intervisibility: {len(ground)} nodes")
+    axes.set_title(f"Intervisibility: {len(ground):,} nodes")
 
 
 def save_pictures(frame: "Frame", analysis: "Analysis", folder: Path) -> list[Path]:
@@ -313,8 +320,10 @@ def _extent(
     range_m = np.linalg.norm(ground - viewpoint[:2], axis=1)
     kept = np.vstack([ground[range_m <= np.percentile(range_m, percent)], viewpoint[:2]])
     low, high = kept.min(axis=0), kept.max(axis=0)
-    margin = 0.03 * float(max(high - low)) + 0.5
-    return (low[0] - margin, high[0] + margin), (low[1] - margin, high[1] + margin)
+    middle, half = (low + high) / 2, 0.54 * (high - low) + 0.5
+    half = np.maximum(half, LEAST_ASPECT * half.max())
+    low, high = middle - half, middle + half
+    return (low[0], high[0]), (low[1], high[1])
 
 
 def _outline(axes: Any, close_up: Any) -> None:

@@ -20,7 +20,7 @@ img { width: 100%; height: auto; display: block; }
 figcaption, p.note { font-size: .88rem; color: #555c66; margin: .5rem 0 0; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums;
-        width: 100%; }
+        min-width: 40%; }
 caption { text-align: left; font-weight: 600; padding: .3rem 0; }
 th, td { text-align: right; padding: .25rem .6rem; border-bottom: 1px solid #e3e6ea;
          white-space: nowrap; }

@@ -46,7 +46,9 @@ class RunReport:
     missing: str | None
 
 
-def report_run(drive: "Drive", summary: "RunSummary", out: Path) -> RunReport:
+def report_run(
+    drive: "Drive", summary: "RunSummary", out: Path, *, source_note: str = ""
+) -> RunReport:
     """Draw a run's middle frame and write its tables and page.
 
     Parameters
@@ -57,6 +59,8 @@ def report_run(drive: "Drive", summary: "RunSummary", out: Path) -> RunReport:
         What `intervis.stream.run` returned.
     out : Path
         Folder: ``index.html``, ``measures.md``, ``measures.csv``, ``pictures/*.png``.
+    source_note : str
+        A sentence about the drive for the head of the page.
 
     Raises
     ------
@@ -69,7 +73,8 @@ def report_run(drive: "Drive", summary: "RunSummary", out: Path) -> RunReport:
     pictures, missing = _pictures(drive, summary, number, out / "pictures")
     every_frame = measures_table(summary.frames, few=None)
     times = times_table(summary.content["times_s"], len(summary.frames))
-    page = _page(summary, number, pictures, [measures_table(summary.frames), times], missing)
+    lead = _lead(summary, number, source_note, missing)
+    page = _page(summary, lead, pictures, [measures_table(summary.frames), times])
     texts = {
         out / "index.html": page.as_html(),
         out / "measures.md": every_frame.as_markdown() + "\n" + times.as_markdown(),
@@ -93,22 +98,22 @@ def _pictures(
     return [Picture(path, *PICTURES[path.stem]) for path in paths], None
 
 
+def _lead(summary: "RunSummary", number: int, source_note: str, missing: str | None) -> str:
+    content, count = summary.content, len(summary.frames)
+    sentences = [
+        source_note,
+        f"{count} frame{'s' if count != 1 else ''}, tau = {content['settings']['tau']},"
+        f" viewpoint: {content['viewpoint']}.",
+        f"The pictures show frame {number}." if missing is None else f"Note: {missing}",
+    ]
+    return " ".join(filter(None, sentences))
+
+
 def _page(
-    summary: "RunSummary",
-    number: int,
-    pictures: Sequence[Picture],
-    tables: Sequence[Table],
-    missing: str | None,
+    summary: "RunSummary", lead: str, pictures: Sequence[Picture], tables: Sequence[Table]
 ) -> Page:
     content = summary.content
     source, settings, machine = content["input"], content["settings"], content["machine"]
-    count = len(summary.frames)
-    lead = (
-        f"{count} frame{'s' if count != 1 else ''}, tau = {settings['tau']}, viewpoint:"
-        f" {content['viewpoint']}. The pictures show frame {number}."
-    )
-    if missing is not None:
-        lead = f"{lead} Note: {missing}"
     chosen = ", ".join(f"{name} = {value}" for name, value in settings.items())
     versions = ", ".join(f"{name} {version}" for name, version in content["versions"].items())
     parts: list[Picture | Table | str] = [*pictures[:1], "Measures", tables[0], "Times", tables[1]]

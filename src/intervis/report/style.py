@@ -77,12 +77,16 @@ def colour_bar(axes: Any, mapped: Any, label: str) -> Any:
     return bar
 
 
-def legend_below(figure: "Figure", axes: Any, columns: int) -> None:
-    """The legend of some axes, below everything, where it covers nothing."""
+def legend_below(figure: "Figure", axes: Any) -> None:
+    """The legend of some axes in one row below everything, where it covers nothing."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=columns, frameon=False, markerscale=1.5
+    legend = figure.legend(
+        handles, labels, loc="outside lower center", ncols=len(labels), frameon=False
     )
+    handle: Any
+    for handle in legend.legend_handles:
+        if hasattr(handle, "set_sizes"):  # dots of a dense scan are too small to be seen alone
+            handle.set_sizes([max(14.0, float(handle.get_sizes()[0]))])
 
 
 def dots(axes: Any, positions: Any, **look: Any) -> Any:

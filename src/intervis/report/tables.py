@@ -76,7 +76,7 @@ class Table:
             "|" + "|".join(["---", *["--:"] * (len(self.headings) - 1)]) + "|",
             *("| " + " | ".join(_no_bars(row)) + " |" for row in self.rows),
         ]
-        return "\n".join([*lines, "", *self.notes]).rstrip() + "\n"
+        return "\n".join(lines) + "\n\n" + "".join(f"{note}\n\n" for note in self.notes)
 
     def as_csv(self) -> str:
         """Comma-separated values, headings first."""
