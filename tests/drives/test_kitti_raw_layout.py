@@ -2,6 +2,7 @@
 
 import logging
 import pickle
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -411,3 +412,16 @@ def test_a_drive_travels_between_processes(tmp_path):
     drive = pickle.loads(pickle.dumps(open_drive(write_kitti_raw(tmp_path, images=(0,)))))
     assert np.array_equal(drive[2].points, scan_rows(2)[:, :3])
     assert drive[2].camera.name == "image_02"
+
+
+def test_a_drive_of_any_length_takes_the_memory_of_a_few_frames(tmp_path):
+    root = write_kitti_raw(tmp_path, scans=range(40))
+    for path in (root / "velodyne_points/data").iterdir():
+        np.ones((20_000, 4), np.float32).tofile(path)  # 320 kB each, 12.8 MB in all
+    tracemalloc.start()
+    try:
+        assert sum(len(frame.points) for frame in open_drive(root)) == 800_000
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak_bytes < 2_500_000

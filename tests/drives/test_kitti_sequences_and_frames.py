@@ -159,6 +159,8 @@ def test_one_bad_calibration_is_its_own_frames_matter(tmp_path):
     with pytest.raises(CalibrationError, match=r"000002\.txt is missing"):
         drive[2]
     assert drive[1].camera.fx_px == 700
+    assert drive.camera.width_px == 61  # of the first frame that has a readable one
+    assert drive.identity()["camera"] == "image_2"
 
 
 def test_every_calibration_broken(tmp_path):
@@ -168,6 +170,8 @@ def test_every_calibration_broken(tmp_path):
     drive = open_drive(root)
     with pytest.raises(CalibrationError, match=r"000003\.txt, line 1: expected KEY: numbers"):
         drive[3]
+    with pytest.raises(CalibrationError, match=r"000000\.txt, line 1: expected KEY: numbers"):
+        _ = drive.camera
 
 
 def test_object_images_without_calibration(tmp_path):

@@ -37,6 +37,8 @@ class Drive:
         Files by frame number; a frame may lack its image.
     camera_names : tuple of str
         Every camera that `open_drive` could have chosen.
+    camera_name : str or None
+        The chosen one.
     mounts : CameraMount, or function of a frame number to CameraMount, or None
         The chosen camera, the same for all frames or one for each.
     poses : mapping of int to (4, 4) float64 array, or None
@@ -55,6 +57,7 @@ class Drive:
     scan_paths: Mapping[int, Path] = field(repr=False)
     image_paths: Mapping[int, Path] = field(default_factory=dict, repr=False)
     camera_names: tuple[str, ...] = ()
+    camera_name: str | None = None
     mounts: CameraMount | Callable[[int], CameraMount] | None = field(default=None, repr=False)
     poses: Mapping[int, Float64Array] | None = field(default=None, repr=False)
     stamps_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
@@ -66,9 +69,23 @@ class Drive:
 
     @property
     def camera(self) -> Camera | None:
-        """The chosen camera; where each frame has its own calibration, the first frame's."""
-        mount = self.mount_of(self.frame_numbers[0])
-        return None if mount is None else mount.camera
+        """The chosen camera; where each frame has its own calibration, the first readable one.
+
+        Raises
+        ------
+        CalibrationError
+            No frame's calibration can be read.
+        """
+        unreadable: DriveError | None = None
+        for number in self.frame_numbers:
+            try:
+                mount = self.mount_of(number)
+            except DriveError as error:
+                unreadable = unreadable or error
+                continue
+            return None if mount is None else mount.camera
+        assert unreadable is not None  # a drive has at least one frame
+        raise unreadable
 
     def mount_of(self, number: int) -> CameraMount | None:
         """Camera and cam_from_velo of one frame; None where the drive has no camera.
@@ -157,7 +174,7 @@ class Drive:
             "frames": len(self),
             "first": self.frame_numbers[0],
             "last": self.frame_numbers[-1],
-            "camera": self.camera.name if self.camera else None,
+            "camera": self.camera_name,
             "scan_bytes": scan_bytes,
             "digest": digest.hexdigest(),
         }

@@ -54,6 +54,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         scan_paths=scans,
         image_paths=images,
         camera_names=names,
+        camera_name=chosen,
         mounts=ObjectMounts(root / "calib", chosen, calibrations, images) if chosen else None,
         side_files=tuple(calibrations.values()),
     )

@@ -74,6 +74,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         scan_paths=scans,
         image_paths=images,
         camera_names=names,
+        camera_name=chosen,
         mounts=mount,
         poses=poses,
         stamps_ns=stamps,

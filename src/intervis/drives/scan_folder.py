@@ -48,6 +48,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         layout="scan_folder",
         scan_paths=scans,
         camera_names=names,
+        camera_name=chosen,
         mounts=raw_mount(root, chosen) if chosen else None,
         poses=poses,
         side_files=(*(root / file for file in there), *([pose_path] if poses else [])),
