@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intervis.transform import inverse, rigid, transform
-from intervis.truth.rays import RayCaster
+from intervis.truth.rays import caster_of
 from intervis.truth.rivals import Seen, depth_buffer, hidden_points, horizon, rivals, triangulated
 from intervis.truth.rivals.voxels import march
 
@@ -176,7 +176,7 @@ def test_march_forgives_near_both_ends():
 
 
 def test_surface_closes_behind_the_sensor():
-    caster = RayCaster(triangulated.surface(SCAN, 0.6))
+    caster = caster_of(triangulated.surface(SCAN, 0.6))
     back = np.array([[-9.0, y, -3.0] for y in np.linspace(-0.3, 0.3, 31)])  # under the ground
     assert caster.blocked(np.zeros(3), back).all()
 
@@ -186,7 +186,7 @@ def test_surface_is_cut_where_ranges_jump():
     azimuth, elevation = np.radians(np.linspace(26.0, 27.5, 61)), np.radians(-5.25)
     way = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.full(61, np.tan(elevation))])
     curtained, cut = (
-        RayCaster(triangulated.surface(SCAN, jump)).first_hit(np.zeros(3), 18 * way)
+        caster_of(triangulated.surface(SCAN, jump)).first_hit(np.zeros(3), 18 * way)
         for jump in (9.0, 0.2)
     )
     on_curtain = (curtained > 9.3) & (curtained < 17)
@@ -214,47 +214,6 @@ def test_nearest_scans():
     assert seen.nearest(0).numbers == (9,)
     outside = Seen((0, 1, 6), (scan,) * 3, (pose,) * 3, 9, 4)
     assert outside.nearest(3).numbers == (0, 1, 6)
-
-
-def moller_trumbore(triangles, origin, end):
-    """Distance of the first hit on a segment, the textbook way; inf for none."""
-    best, way = np.inf, end - origin
-    for a, b, c in triangles:
-        matrix = np.column_stack([b - a, c - a, -way])
-        if abs(np.linalg.det(matrix)) < 1e-9:
-            continue
-        u, v, t = np.linalg.solve(matrix, origin - a)
-        if u >= 0 and v >= 0 and u + v <= 1 and 0 <= t <= 1:
-            best = min(best, t * np.linalg.norm(way))
-    return best
-
-
-def test_rays_against_the_textbook():
-    rng = np.random.default_rng(4)
-    centre = np.array([4000.0, -2000.0, 100.0])  # far from the origin: float32 must not show
-    triangles = centre + rng.uniform(-10, 10, (30, 1, 3)) + rng.normal(0, 3, (30, 3, 3))
-    origins, ends = centre + rng.uniform(-12, 12, (2, 300, 3))
-    caster = RayCaster(triangles)
-    expected = [moller_trumbore(triangles, *pair) for pair in zip(origins, ends, strict=True)]
-    found = caster.first_hit(origins, ends)
-    np.testing.assert_allclose(found, expected, atol=1e-3)
-    np.testing.assert_array_equal(caster.blocked(origins, ends), np.isfinite(expected))
-    assert 50 < np.isfinite(expected).sum() < 250
-    slack = 3.0
-    length = np.linalg.norm(ends - origins, axis=1)
-    np.testing.assert_array_equal(
-        caster.blocked(origins, ends, slack_m=slack), np.array(expected) < length - slack
-    )
-
-
-def test_rays_without_triangles_or_length():
-    nothing = RayCaster(np.empty((0, 3, 3)))
-    assert not nothing.blocked(np.zeros(3), np.ones((2, 3))).any()
-    assert np.isinf(nothing.first_hit(np.zeros(3), np.ones((2, 3)))).all()
-    assert nothing.first_hit(np.zeros(3), np.empty((0, 3))).shape == (0,)
-    caster = RayCaster(np.array([[[2.0, -9, -9], [2, 9, -9], [2, 0, 9]]]))
-    assert np.isinf(caster.first_hit(np.zeros(3), np.zeros((1, 3)))).all()
-    assert not caster.blocked(np.zeros(3), np.array([[3.0, 0, 0]]), slack_m=5.0)[0]
 
 
 def test_poses_are_undone():

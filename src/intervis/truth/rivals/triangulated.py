@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray, finite_rows
 from intervis.transform import inverse, transform
-from intervis.truth.rays import RayCaster
+from intervis.truth.rays import SegmentCaster, caster_of
 from intervis.truth.rivals.seen import Seen
 
 SEAM_DEG = 5.0
@@ -57,16 +57,16 @@ class Surfaces:
     """The surfaces made last: pairs of poses share scans, and meshing is the dear part."""
 
     most: int = 24
-    _kept: OrderedDict[tuple[int, float, float], tuple[FloatArray, RayCaster]] = field(
+    _kept: OrderedDict[tuple[int, float, float], tuple[FloatArray, SegmentCaster]] = field(
         default_factory=OrderedDict
     )
 
-    def of(self, scan: FloatArray, jump_share: float, longest_m: float) -> RayCaster:
+    def of(self, scan: FloatArray, jump_share: float, longest_m: float) -> SegmentCaster:
         """The ray caster of a scan's surface, in the scan's own frame."""
         key = (id(scan), jump_share, longest_m)
         if key not in self._kept:
             # the scan is kept as well: as long as it lives, no other array has its id
-            self._kept[key] = (scan, RayCaster(surface(scan, jump_share, longest_m)))
+            self._kept[key] = (scan, caster_of(surface(scan, jump_share, longest_m)))
             while len(self._kept) > self.most:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
