@@ -58,6 +58,7 @@ class BuiltInCaster:
     name = "built-in"
 
     def __init__(self, triangles: FloatArray) -> None:
+        from intervis.worlds.raycast import RayCaster
 
         self._caster = RayCaster(triangles)
 
