@@ -3,8 +3,10 @@
 import importlib.util
 import io
 import logging
+import pickle
 import struct
 import sys
+from pathlib import Path
 
 import hypothesis.extra.numpy as hnp
 import numpy as np
@@ -100,8 +102,6 @@ def test_a_missing_file_and_a_folder_are_errors(tmp_path, name):
 
 
 def test_endings():
-    from pathlib import Path
-
     assert scan_ending(Path("x.pcd.bin")) == ".pcd.bin"
     assert scan_ending(Path("x.PLY")) == ".ply"
     with pytest.raises(ScanError, match=r"x\.laz is no scan: its name must end in"):
@@ -144,6 +144,13 @@ def test_a_npy_that_is_something_else(tmp_path):
     np.savez(buffer, a=np.zeros((3, 3)))
     path.write_bytes(buffer.getvalue())
     with pytest.raises(ScanError, match="an archive of arrays"):
+        read_scan(path)
+
+
+def test_a_pickle_under_the_name_of_a_scan_is_never_loaded(tmp_path):
+    path = tmp_path / "a.npy"
+    path.write_bytes(pickle.dumps(Bomb()))
+    with pytest.raises(ScanError, match=r"no readable \.npy array"):
         read_scan(path)
 
 
@@ -413,6 +420,15 @@ def test_pcd_cut_short(tmp_path, pypcd4, data):
         path.write_bytes(whole[: head + kept])
         with pytest.raises(ScanError, match=r"a\.pcd (is truncated|is no readable|has a broken)"):
             read_scan(path)
+
+
+@pytest.mark.parametrize("lines", [6, 8])
+def test_pcd_text_with_another_number_of_lines(tmp_path, pypcd4, lines):
+    body = pcd_bytes(pcd_table(8), "ascii").splitlines(keepends=True)[-8:]
+    path = tmp_path / "a.pcd"
+    path.write_bytes(pcd_header("ascii", 7) + b"".join(body[:lines]))
+    with pytest.raises(ScanError, match=f"its header promises 7 points, it holds {lines}"):
+        read_scan(path)
 
 
 @pytest.mark.parametrize("data", ENCODINGS)

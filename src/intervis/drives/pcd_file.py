@@ -43,7 +43,7 @@ def read_pcd(path: Path) -> Scan:
         ) from None
     if len(table) != promised:
         raise ScanError(
-            f"the scan {path} is truncated: its header promises {promised} points,"
+            f"the scan {path} is truncated or broken: its header promises {promised} points,"
             f" it holds {len(table)}."
         )
     names = [name for name in table.dtype.names or () if not name.startswith(PADDING)]
