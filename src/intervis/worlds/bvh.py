@@ -13,6 +13,8 @@ from intervis.kernels import kernel
 
 BINS = 12
 LEAF_TRIANGLES = 4
+BOX_COST = 2.0
+"""Testing two boxes, in tests of one triangle."""
 DEEPEST_CUT = 40
 """Below this depth nodes are halved by count, so that 64 levels hold any soup."""
 STACK = 80
@@ -128,7 +130,10 @@ def _split(lower, upper, order, first, count, depth, box):  # type: ignore[no-un
             if cost < best_cost:
                 best_cost, best_axis, best_bin = cost, axis, bin_
                 best_low, best_width = low, high - low
-    if count <= LEAF_TRIANGLES and not best_cost + _half_area(box) < _half_area(box) * count:
+    if (
+        count <= LEAF_TRIANGLES
+        and not best_cost + BOX_COST * _half_area(box) < _half_area(box) * count
+    ):
         return 0
     if best_axis >= 0:
         number = _partition(

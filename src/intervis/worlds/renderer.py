@@ -1,40 +1,107 @@
-"""A camera's picture of a moment: colours, sun, shadow, sky and haze."""
+"""A camera's picture of a moment: one ray a pixel, one more to the sun, more along edges."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from intervis.arrays import Float64Array
+from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.camera import Camera
+from intervis.kernels import in_parts
 from intervis.transform import inverse
+from intervis.worlds import shading
 from intervis.worlds.world import Moment
+
+SHADOW_M = 160.0
+EDGE = 0.055
+"""Difference between neighbours, of 1, above which a pixel is sampled again."""
+SPOTS = ((-0.31, -0.19), (0.33, -0.27), (0.02, 0.36))
+"""Where in a pixel the further samples lie, pixels from its centre."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """Sun and sky.
+    """Where the sun stands.
 
     Attributes
     ----------
     sun : three floats
-        Direction towards the sun, world frame, any length.
+        Direction towards it, world frame, any length.
     """
 
-    sun: tuple[float, float, float] = (-0.45, 0.55, 0.75)
+    sun: tuple[float, float, float] = (-0.62, 0.34, 0.72)
+
+    @property
+    def unit(self) -> Float64Array:
+        """(3,) the same of length one."""
+        way = np.asarray(self.sun, dtype=np.float64)
+        return np.asarray(way / np.linalg.norm(way))
 
 
-def pixel_rays(camera: Camera, world_from_cam: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Centre (3,) and unit directions (H * W, 3) of a camera's pixels, world frame.
+def pixel_rays(
+    camera: Camera, world_from_cam: Float64Array, columns_px: ArrayLike, rows_px: ArrayLike
+) -> tuple[Float64Array, Float64Array]:
+    """Centre (3,) of a camera and unit directions (R, 3) through places of its image.
 
-    A pixel's centre lies at whole numbers: column u, row v is where `projection` gives (u, v).
+    Parameters
+    ----------
+    camera : Camera
+        Whose pixels have their centres at whole numbers.
+    world_from_cam : (4, 4) float64 array
+        From the rectified camera frame.
+    columns_px, rows_px : (R,) arrays
+        Places in the image.
+
+    Examples
+    --------
+    >>> camera = Camera(np.array([[700.0, 0, 600, 0], [0, 700, 180, 0], [0, 0, 1, 0]]), 1242, 375)
+    >>> pixel_rays(camera, np.eye(4), [600.0], [180.0])[1]
+    array([[0., 0., 1.]])
     """
-    rows, columns = np.mgrid[0 : camera.height_px, 0 : camera.width_px]
-    pixels = np.stack([columns, rows, np.ones_like(rows)], axis=-1).reshape(-1, 3)
-    ways = pixels @ np.linalg.inv(camera.projection[:, :3]).T @ world_from_cam[:3, :3].T
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    columns, rows = np.asarray(columns_px, float), np.asarray(rows_px, float)
+    world_from_pixel = world_from_cam[:3, :3] @ np.linalg.inv(camera.projection[:, :3])
+    ways = columns[:, None] * world_from_pixel[:, 0] + rows[:, None] * world_from_pixel[:, 1]
+    ways += world_from_pixel[:, 2]
+    ways /= np.sqrt(np.einsum("ij,ij->i", ways, ways))[:, None]
     centre = world_from_cam[:3, :3] @ camera.centre_cam + world_from_cam[:3, 3]
     return centre, ways
+
+
+def _seen(
+    moment: Moment, origin: Float64Array, ways: Float64Array, sun: Float64Array
+) -> Float32Array:
+    """Linear colours (R, 3) along rays from one point."""
+    ranges, hits = moment.caster.closest(origin, ways)
+    total = len(ways)
+    starts, asks = np.empty((total, 3)), np.empty(total, np.bool_)
+    looks = (ways, ranges, hits, origin, moment.normals, moment.labels)
+    in_parts(lambda a, b: shading.sunward(*looks, sun, starts, asks, a, b), total)
+    asked = np.flatnonzero(asks)
+    sunlit = np.zeros(total, np.bool_)
+    from_there = starts[asked]
+    sunlit[asked] = ~moment.caster.blocked(from_there, from_there + SHADOW_M * sun)
+    out = np.empty((total, 3), np.float32)
+    in_parts(lambda a, b: shading.shade(*looks, moment.colours, sun, sunlit, out, a, b), total)
+    return out
+
+
+def _developed(linear: Float32Array) -> Float32Array:
+    out = np.empty_like(linear)
+    in_parts(lambda a, b: shading.developed(linear, out, a, b), len(linear))
+    return out
+
+
+def _edges(picture: Float32Array) -> IntArray:
+    """Flat indices of the pixels of an (H, W, 3) picture that differ much from a neighbour."""
+    grey = picture @ np.array([0.3, 0.5, 0.2], np.float32)
+    edge = np.zeros(grey.shape, np.bool_)
+    across = np.abs(np.diff(grey, axis=1)) > EDGE
+    down = np.abs(np.diff(grey, axis=0)) > EDGE
+    edge[:, 1:] |= across
+    edge[:, :-1] |= across
+    edge[1:] |= down
+    edge[:-1] |= down
+    return np.flatnonzero(edge)
 
 
 def render(
@@ -44,25 +111,38 @@ def render(
     pose: Float64Array,
     light: Light | None = None,
 ) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 picture that the camera takes of a moment."""
-    sun = np.asarray((light or Light()).sun, float)
-    sun /= np.linalg.norm(sun)
-    centre, ways = pixel_rays(camera, pose @ inverse(cam_from_velo))
-    ranges, hits = moment.caster.closest(centre, ways)
-    normals = moment.normals[hits]
-    facing = np.einsum("ij,ij->i", normals, ways)
-    normals *= -np.sign(facing)[:, None]
-    lit = np.maximum(normals @ sun, 0)
-    hit = hits >= 0
-    places = centre + ways * np.where(hit, ranges, 0)[:, None]
-    ask = np.flatnonzero(hit & (lit > 0))
-    start = places[ask] + normals[ask] * 1e-3
-    lit[ask[moment.caster.blocked(start, start + 150 * sun)]] = 0
-    ambient = 0.35 + 0.15 * normals[:, 2]
-    colour = moment.colours[hits] * (lit[:, None] * [1.1, 1.05, 0.95] + ambient[:, None])
-    up = np.clip(ways[:, 2] * 3, 0, 1)[:, None]
-    sky = (1 - up) * [0.8, 0.87, 0.93] + up * [0.3, 0.5, 0.85]
-    haze = np.exp(-np.where(hit, ranges, 0) / 350)[:, None]
-    colour = np.where(hit[:, None], haze * colour + (1 - haze) * [0.75, 0.82, 0.9], sky)
-    tone = np.clip(colour, 0, 1) ** (1 / 2.2)
-    return (tone * 255).round().astype(np.uint8).reshape(camera.height_px, camera.width_px, 3)
+    """The picture that a camera takes of a moment.
+
+    Parameters
+    ----------
+    moment : Moment
+        The world at that time.
+    camera, cam_from_velo : Camera, (4, 4) float64 array
+        The camera, and the way from the sensor to its rectified frame.
+    pose : (4, 4) float64 array
+        world_from_velo.
+    light : Light, optional
+        Another sun.
+
+    Returns
+    -------
+    (H, W, 3) uint8 array
+        Red, green, blue.
+    """
+    sun = (light or Light()).unit
+    world_from_cam = pose @ inverse(cam_from_velo)
+    size = (camera.height_px, camera.width_px)
+    rows, columns = (part.ravel().astype(np.float64) for part in np.indices(size))
+    centre, ways = pixel_rays(camera, world_from_cam, columns, rows)
+    picture = _developed(_seen(moment, centre, ways, sun))
+    edge = _edges(picture.reshape(*size, 3))
+    spots = np.asarray(SPOTS)
+    _, ways = pixel_rays(
+        camera,
+        world_from_cam,
+        (columns[edge][:, None] + spots[:, 0]).ravel(),
+        (rows[edge][:, None] + spots[:, 1]).ravel(),
+    )
+    more = _developed(_seen(moment, centre, ways, sun)).reshape(len(edge), len(spots), 3)
+    picture[edge] = (picture[edge] + more.sum(axis=1)) / (1 + len(spots))
+    return (picture.reshape(*size, 3) * 255).round().astype(np.uint8)

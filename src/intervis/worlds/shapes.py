@@ -121,12 +121,20 @@ def leaves(
     """(number, 3, 3) small triangles of all directions, crowding towards an ellipsoid's skin."""
     way = rng.normal(size=(number, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
-    middle = way * (rng.uniform(0.35, 1.0, (number, 1)) ** (1 / 3)) * np.asarray(radii_m, float)
+    middle = way * (rng.uniform(0.55, 1.0, (number, 1)) ** (1 / 3)) * np.asarray(radii_m, float)
     corners = rng.normal(size=(number, 3, 3))
     corners -= corners.mean(axis=1, keepdims=True)
     corners /= np.linalg.norm(corners, axis=2, keepdims=True)
     scale = size_m * rng.uniform(0.6, 1.3, (number, 1, 1))
     return middle[:, None] + corners * scale
+
+
+def lumpy(rng: np.random.Generator, triangles: Float64Array, share: float) -> Float64Array:
+    """Corners moved in or out from the origin by up to `share`; those that meet stay together."""
+    corners = triangles.reshape(-1, 3)
+    _, which = np.unique(corners.round(9), axis=0, return_inverse=True)
+    factor = rng.uniform(1 - share, 1 + share, which.max() + 1)[which.ravel()]
+    return np.asarray((corners * factor[:, None]).reshape(-1, 3, 3))
 
 
 def upright_rotation(yaw_rad: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Float64Array:

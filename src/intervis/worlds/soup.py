@@ -124,6 +124,10 @@ class Soup:
         """The same surfaces with other corners (T, 3, 3)."""
         return Soup(triangles, self.labels, self.colours, self.reflectances)
 
+    def scaled(self, factor: float) -> "Soup":
+        """Larger or smaller, about the origin."""
+        return self.placed(self.triangles * factor)
+
     def speckled(self, rng: np.random.Generator, spread: float) -> "Soup":
         """Each triangle a little lighter or darker, by a factor of 1 +- `spread`."""
         factor = rng.uniform(1 - spread, 1 + spread, len(self)).astype(np.float32)
