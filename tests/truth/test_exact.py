@@ -1,0 +1,153 @@
+"""Exact worlds: answers on paper, and a yard whose walls, roof and gaps are known."""
+
+import numpy as np
+import pytest
+
+from intervis.transform import inverse, rigid, transform
+from intervis.truth.exact import Sampling, in_the_open, questions, truth
+from intervis.truth.rays import BuiltInCaster, EmbreeCaster, caster_of
+from intervis.truth.rivals import Seen
+
+SMALL = Sampling(viewpoints=3, returns=200, free_points=300, seed=1)
+
+
+def rectangle(corner, one, other):
+    a, b, c = (np.asarray(v, float) for v in (corner, one, other))
+    return np.array([[a, a + b, a + c], [a + b + c, a + b, a + c]])
+
+
+def box(low, high):
+    low, high = np.asarray(low, float), np.asarray(high, float)
+    x, y, z = np.diag(high - low)
+    return np.concatenate(
+        [
+            face
+            for a, b, across in [(x, y, z), (y, z, x), (z, x, y)]
+            for face in (rectangle(low, a, b), rectangle(low + across, a, b))
+        ]
+    )
+
+
+GROUND = rectangle([-200, -200, 0], [400, 0, 0], [0, 400, 0])
+HOUSE = box([8, -6, 0], [16, 6, 5])
+YARD = np.concatenate([GROUND, HOUSE])
+SENSOR = rigid(np.eye(3), [0.0, 0.0, 1.7])
+
+
+def scan_of(triangles, pose, noise_m=0.0):
+    rng = np.random.default_rng(7)
+    azimuth = np.radians(np.arange(0, 360, 1.5))
+    elevation = np.radians(np.arange(-25, 3, 1.0))
+    a, e = (grid.ravel() for grid in np.meshgrid(azimuth, elevation))
+    ways = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    start = pose[:3, 3]
+    reach = caster_of(triangles).first_hit(start, start + 100 * ways)
+    reach += noise_m * rng.normal(size=len(reach))
+    hit = np.isfinite(reach)
+    return transform(inverse(pose), start + ways[hit] * reach[hit, None])
+
+
+def seen_of(scan):
+    return Seen((4,), (scan,), (SENSOR,), 4, 4)
+
+
+@pytest.mark.parametrize(
+    ("x", "is_return", "expected"),
+    [
+        # a wall at 10 m; s = 0.15 + 0.01 x
+        (9.9, False, "visible"),
+        (10.05, False, None),
+        (10.24, False, None),
+        (10.27, False, "occluded"),
+        (9.9, True, "visible"),
+        (10.24, True, "visible"),
+        (10.27, True, None),
+        (10.50, True, None),
+        (10.52, True, "occluded"),
+        (0.9, False, None),
+        (76.0, True, None),
+        (74.0, True, "occluded"),
+    ],
+)
+@pytest.mark.parametrize("make", [EmbreeCaster, BuiltInCaster])
+def test_truth_at_a_wall(make, x, is_return, expected):
+    wall = make(np.array([[[10.0, -999, -999], [10, 999, -999], [10, 0, 999]]]))
+    visible, occluded = truth(wall, np.zeros(3), np.array([[x, 0.0, 0]]), np.array([is_return]))
+    assert (bool(visible[0]), bool(occluded[0])) == (expected == "visible", expected == "occluded")
+
+
+def test_returns_are_visible_from_their_sensor():
+    scan = scan_of(YARD, SENSOR, noise_m=0.02)
+    targets = transform(SENSOR, scan)
+    every = np.ones(len(targets), bool)
+    visible, occluded = truth(caster_of(YARD), SENSOR[:3, 3], targets, every)
+    assert not occluded.any()
+    near = np.linalg.norm(scan, axis=1) < 75
+    assert visible[near].all()
+
+
+def test_inside_is_not_in_the_open():
+    caster = caster_of(YARD)
+    points = np.array([[0.0, 0, 1], [12, 0, 1], [12, 0, 6], [7.9, 0, 0.1], [0, 0, -1]])
+    assert in_the_open(caster, points).tolist() == [True, False, True, True, False]
+
+
+def test_what_is_asked_lies_where_it_should():
+    scan = scan_of(YARD, SENSOR, noise_m=0.02)
+    asked = list(questions(seen_of(scan), caster_of(YARD), SMALL))
+    assert len(asked) == 3
+    for question in asked:
+        x, y, z = question.viewpoint
+        assert np.hypot(x, y) <= 12
+        assert 0.5 <= z <= 3
+        assert x < 8 - 0.25 or abs(y) > 6 + 0.25  # not in the house, nor beside its wall
+        free = question.targets[question.parts["free points"]]
+        inside = (free > [8, -6, 0]).all(axis=1) & (free < [16, 6, 5]).all(axis=1)
+        assert not inside.any()
+        assert (np.hypot(free[:, 0], free[:, 1]) <= 40).all()
+        assert free[:, 2].min() >= 0.2
+        assert free[:, 2].max() <= 4.0
+        assert free[:, 2].max() > 3.5
+        returns = question.targets[question.parts["returns"]]
+        scan_world = transform(SENSOR, scan)
+        nearest = np.abs(returns[:, None] - scan_world).sum(axis=2).min(axis=1)
+        assert nearest.max() < 1e-9
+        assert (question.parts["returns"] != question.parts["free points"]).all()
+
+
+def test_the_truth_is_that_of_slabs():
+    # a segment against an axis-aligned box, worked out slab by slab, in another language
+    for question in questions(seen_of(scan_of(YARD, SENSOR)), caster_of(YARD), SMALL):
+        free = question.parts["free points"]
+        for target, said in zip(question.targets[free], question.visible[free], strict=True):
+            way = target - question.viewpoint
+            enter, leave = 0.0, 1.0
+            for axis, (low, high) in enumerate([(8, 16), (-6, 6), (0, 5)]):
+                one, other = sorted(
+                    (bound - question.viewpoint[axis]) / way[axis] for bound in (low, high)
+                )
+                enter, leave = max(enter, one), min(leave, other)
+            assert said == (enter > leave)
+
+
+def test_both_answers_occur_and_both_kinds_are_asked():
+    for question in questions(seen_of(scan_of(YARD, SENSOR)), caster_of(YARD), SMALL):
+        for part in question.parts.values():
+            assert part.sum() > 100
+        assert question.visible.any()
+        assert not question.visible.all()
+
+
+def test_the_same_seed_asks_the_same():
+    scan = scan_of(YARD, SENSOR)
+    first, again = (list(questions(seen_of(scan), caster_of(YARD), SMALL)) for _ in range(2))
+    for one, other in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one.targets, other.targets)
+        np.testing.assert_array_equal(one.viewpoint, other.viewpoint)
+    (another, *_) = questions(seen_of(scan), caster_of(YARD), Sampling(1, 10, 10, seed=2))
+    assert not np.array_equal(another.viewpoint, first[0].viewpoint)
+
+
+def test_a_sensor_shut_in_asks_nothing():
+    cell = np.concatenate([GROUND, box([-30, -30, -0.5], [30, 30, 9])])
+    assert list(questions(seen_of(scan_of(cell, SENSOR)), caster_of(cell), SMALL)) == []
