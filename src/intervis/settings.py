@@ -16,7 +16,7 @@ Chart = Literal["ground", "angles", "polar"]
 Weights = Literal["length", "unit"]
 Gate = Literal["degree", "mean", "shortest", "star_minimum", "none"]
 ConcaveBoundary = Literal["every", "any"]
-Criterion = Literal["elevation", "sight_angle"]
+Criterion = Literal["elevation", "sight_angle", "sight_line"]
 
 
 class Settings(BaseModel):
@@ -50,9 +50,9 @@ class Settings(BaseModel):
     concave_boundary : {"every", "any"}
         How line 2 reads: a node hands over where every edge of it, or any, is shorter than the
         way to the centroid of its subgraph.
-    criterion : {"elevation", "sight_angle"}
-        What lines 6 and 8 compare: elevations z (the paper), or elevation angles seen from the
-        viewpoint.
+    criterion : {"elevation", "sight_angle", "sight_line"}
+        What lines 6 and 8 compare: elevations z (the paper), elevation angles seen from the
+        viewpoint, or, beyond the paper, ranges among the nodes that are nearest in angle.
 
     Raises
     ------

@@ -154,7 +154,7 @@ def test_points_that_are_not_finite_are_counted_and_keep_the_indices():
         np.array([[10.0, 0, -1], [12, 0, -1], [11, 1, -1]]),
         np.column_stack([np.arange(5.0, 50), np.zeros(45), np.zeros(45)]),
         np.tile([[10.0, 1, -1]], (50, 1)),
-        np.zeros((4, 3)),
+        np.tile([[1.0, 0, 0]], (4, 1)),
     ],
     ids=["one", "two", "three", "collinear", "all equal", "all at the viewpoint"],
 )
@@ -163,7 +163,8 @@ def test_few_or_degenerate_points_give_a_small_honest_result(points, tau):
     for chart, metric in itertools.product(
         ["ground", "angles", "polar"], ["ground", "mahalanobis"]
     ):
-        result = analyze(points, settings=Settings(tau=tau, chart=chart, metric=metric))
+        chosen = Settings(tau=tau, chart=chart, metric=metric)
+        result = analyze(points, viewpoint=(1, 0, 0), settings=chosen)
         assert result.measures.n == -(-len(points) // tau)
         assert 0 <= result.measures.TPI <= 100
         assert len(result.region) == len(result.triangles)
@@ -179,7 +180,7 @@ def test_few_or_degenerate_points_give_a_small_honest_result(points, tau):
         (np.zeros((5, 3), complex), "complex128"),
         ([["a", "b", "c"]], "float32 or float64"),
         (np.empty((0, 3)), "no return is in view"),
-        (np.full((5, 3), np.nan), "0 are finite"),
+        (np.full((5, 3), np.nan), "0 are returns"),
     ],
 )
 def test_malformed_points_get_one_sentence(points, sentence):

@@ -9,6 +9,7 @@ from intervis.method.criteria import (
     apply_criteria,
     elevation_angle_rad,
     intervisible_region,
+    nearest_in_sight,
     reachable_tree,
     shortest_radius,
     sight_angle_deg,
@@ -77,6 +78,33 @@ def judge_star(neighbour, criterion):
 def test_lines_6_and_8(neighbour, by_elevation, by_sight_angle):
     assert judge_star(neighbour, "elevation") is by_elevation
     assert judge_star(neighbour, "sight_angle") is by_sight_angle
+
+
+def test_sight_line_criterion_on_paper():
+    """Seven columns of a wall 10 m away, one of them with a post 5 m away before it."""
+    azimuth_rad = np.deg2rad(np.arange(7.0))
+    wall = np.column_stack([10 * np.cos(azimuth_rad), 10 * np.sin(azimuth_rad), np.zeros(7)])
+    post = 0.5 * wall[:1] - [0, 0.01, 0]
+    points = np.vstack([wall, post])
+    # The post is among the six nearest in angle of all columns but the farthest one.
+    assert nearest_in_sight(points, ORIGIN).tolist() == [False] * 6 + [True] * 2
+    moved = np.vstack([wall, wall[:1] * 0.9])  # a metre before it: the same surface at 10 m
+    assert nearest_in_sight(moved, ORIGIN).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 40))
+def test_sight_line_criterion_equals_a_loop(seed, n):
+    rng = np.random.default_rng(seed)
+    points, p0 = rng.normal(size=(n, 3)) * 10, rng.normal(size=3)
+    offset = points - p0
+    range_m = np.linalg.norm(offset, axis=1)
+    expected = []
+    for i in range(n):
+        cosine = offset @ offset[i] / (range_m * range_m[i])
+        cosine[i] = -np.inf
+        beside = np.argsort(-cosine)[: min(6, n - 1)]
+        expected.append(not any(range_m[k] < 0.9 * range_m[i] - 0.5 for k in beside))
+    assert nearest_in_sight(points, p0).tolist() == expected
 
 
 def literal_algorithm_1(points, p0, edges, length, flow, l_gc, criterion):

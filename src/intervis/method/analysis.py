@@ -146,8 +146,8 @@ def analyze(
     Parameters
     ----------
     points : (N, 3) or (N, 4) float array
-        Raw scan, sensor frame (x forward, y left, z up), metres. Rows with NaN or infinite
-        coordinates are left out and counted.
+        Raw scan, sensor frame (x forward, y left, z up), metres. Rows that are no return (NaN,
+        infinite, or 0, 0, 0) are left out and counted.
     camera, cam_from_velo : Camera and (4, 4) array, or None
         The camera whose field of view counts. Without one, or with ``settings.view`` other than
         "camera", the view is a named opening around the sensor's x axis.
@@ -302,7 +302,7 @@ def field_of_view(
         where = f"in the {opening_deg:.0f} degrees around the x axis"
     if len(found.index) == 0:
         raise PointsError(
-            f"no return is in view {where}: of {len(raw)} rows {found.n_raw} are finite; check"
+            f"no return is in view {where}: of {len(raw)} rows {found.n_raw} are returns; check"
             " cam_from_velo and that x points forward, y left and z up."
         )
     return found

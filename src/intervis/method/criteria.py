@@ -12,9 +12,16 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
+from intervis.method.surface import nearest_neighbours
 
 THETA_2_DEG = 90.0
 """The straight dihedral angle between the planes P_i and P_v of the MPCS."""
+
+BESIDE = 6
+"""As many neighbours as a node of a triangulation has on average."""
+
+BEFORE_M, BEFORE_SHARE = 0.5, 0.1
+"""Nearer by more than this, and this share of the range, is another surface, not the same one."""
 
 ROOT = -1
 NOT_REACHED = -2
@@ -101,13 +108,13 @@ def apply_criteria(
     enough = np.bincount(source, minlength=nodes) if concave_boundary == "every" else 1
     handed_over = (shorter >= enough) & (shorter > 0)
 
-    # Lines 5 to 9: beyond and higher is seen over i, in front and lower does not cover i.
-    theta_1_deg = sight_angle_deg(points, viewpoint, source, target)
-    height = elevation_angle_rad(points, viewpoint) if criterion == "sight_angle" else points[:, 2]
-    rise = height[target] - height[source]
-    seen_over = (theta_1_deg - THETA_2_DEG > 0) & (rise > 0)
-    seen_before = (theta_1_deg - THETA_2_DEG < 0) & (rise < 0)
-    judged = passes & ~handed_over[source] & (l1 > l_gc[source]) & (seen_over | seen_before)
+    # Lines 5 to 9, for neighbours farther than the centroid.
+    if criterion == "sight_line":
+        seen = nearest_in_sight(points, viewpoint)
+        agrees = seen[source] & seen[target]
+    else:
+        agrees = mix_planes(points, viewpoint, source, target, criterion)
+    judged = passes & ~handed_over[source] & (l1 > l_gc[source]) & agrees
 
     backward = np.concatenate([passes[len(edges) :], passes[: len(edges)]])
     node = np.zeros(nodes, bool)
@@ -116,6 +123,42 @@ def apply_criteria(
     both_ways = passes[: len(edges)] & backward[: len(edges)]
     edge = node[edges[:, 0]] & node[edges[:, 1]] & both_ways
     return Verdict(gate=passes, handed_over=handed_over, judged=judged, node=node, edge=edge)
+
+
+def mix_planes(
+    points: Float64Array,
+    viewpoint: Float64Array,
+    source: IntArray,
+    target: IntArray,
+    criterion: str,
+) -> BoolArray:
+    """(M,) what lines 6 and 8 say of the half edges i to j.
+
+    Beyond i and higher, j is seen over i; in front of i and lower, j does not cover i. Higher is a
+    matter of elevation z (``elevation``) or of the angle above the horizon (``sight_angle``).
+    """
+    theta_1_deg = sight_angle_deg(points, viewpoint, source, target)
+    height = elevation_angle_rad(points, viewpoint) if criterion == "sight_angle" else points[:, 2]
+    rise = height[target] - height[source]
+    seen_over: BoolArray = (theta_1_deg - THETA_2_DEG > 0) & (rise > 0)
+    seen_before: BoolArray = (theta_1_deg - THETA_2_DEG < 0) & (rise < 0)
+    return seen_over | seen_before
+
+
+def nearest_in_sight(points: Float64Array, viewpoint: Float64Array) -> BoolArray:
+    """(V,) nodes that no other node stands before: the criterion ``sight_line``.
+
+    Not in the paper. A node is compared with the six nodes that are nearest to it in angle as seen
+    from P0, "the radian between points", instead of its neighbours on the ground: it is in sight
+    when none of them is nearer to P0 by more than 0.5 m and a tenth of the node's range.
+    """
+    offset = points - viewpoint
+    range_m = np.linalg.norm(offset, axis=1)
+    direction = offset / np.where(range_m > 0, range_m, 1.0)[:, None]
+    beside = nearest_neighbours(direction)[:, :BESIDE]
+    before = range_m[beside] < (range_m * (1 - BEFORE_SHARE) - BEFORE_M)[:, None]
+    in_sight: BoolArray = ~before.any(axis=1)
+    return in_sight
 
 
 def shortest_radius(

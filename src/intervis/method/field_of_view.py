@@ -21,9 +21,10 @@ class FieldOfView:
     index : (n_fov,) int64 array
         Rows of the raw scan that are in view, ascending.
     n_raw : int
-        Rows of the raw scan with finite coordinates.
+        Returns of the raw scan.
     n_dropped : int
-        Rows left out because a coordinate is NaN or infinite.
+        Rows that are no return and left out: a coordinate is NaN or infinite, or all three are 0,
+        which is how some files fill up for a beam that did not come back.
     """
 
     index: IntArray
@@ -84,6 +85,12 @@ def in_angle(points_velo: FloatArray, opening_deg: float) -> FieldOfView:
 
 
 @kernel
+def _is_return(x: float, y: float, z: float) -> bool:
+    # A sum is finite only if its terms are; a return at the sensor itself is none.
+    return bool(np.isfinite(x + y + z) and not (x == 0.0 and y == 0.0 and z == 0.0))
+
+
+@kernel
 def _in_image(
     points: FloatArray, matrix: Float64Array, width_px: float, height_px: float, index: IntArray
 ) -> tuple[int, int]:
@@ -94,7 +101,7 @@ def _in_image(
         x = np.float64(points[i, 0])
         y = np.float64(points[i, 1])
         z = np.float64(points[i, 2])
-        if not np.isfinite(x + y + z):
+        if not _is_return(x, y, z):
             n_dropped += 1
             continue
         depth = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3]
@@ -116,7 +123,7 @@ def _in_azimuth(points: FloatArray, half_rad: float, index: IntArray) -> tuple[i
     for i in range(points.shape[0]):
         x = np.float64(points[i, 0])
         y = np.float64(points[i, 1])
-        if not np.isfinite(x + y + np.float64(points[i, 2])):
+        if not _is_return(x, y, np.float64(points[i, 2])):
             n_dropped += 1
         elif half_rad >= np.pi or abs(np.arctan2(y, x)) <= half_rad:
             index[n_fov] = i

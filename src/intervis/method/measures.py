@@ -25,9 +25,9 @@ class Measures(Record):
     Attributes
     ----------
     n_raw : int
-        Finite returns of the raw scan.
+        Returns of the raw scan.
     n_dropped : int
-        Returns with NaN or infinite coordinates, left out.
+        Rows of the scan that are no return, left out: NaN, infinite, or all three coordinates 0.
     n_fov : int
         Returns in the field of view.
     n : int
