@@ -8,7 +8,7 @@ doi:10.1080/10867651.1997.10487468), all in float64.
 
 import numpy as np
 
-from intervis.arrays import Float64Array, IntArray
+from intervis.arrays import BoolArray, Float64Array, IntArray
 from intervis.kernels import kernel
 
 BINS = 12
@@ -26,7 +26,14 @@ LEAST_COMPONENT = 1e-300
 
 
 @kernel
-def _bounds_of(lower, upper, order, first, count, out):  # type: ignore[no-untyped-def]
+def _bounds_of(
+    lower: Float64Array,
+    upper: Float64Array,
+    order: IntArray,
+    first: int,
+    count: int,
+    out: Float64Array,
+) -> None:
     for axis in range(3):
         low, high = np.inf, -np.inf
         for place in range(first, first + count):
@@ -37,27 +44,37 @@ def _bounds_of(lower, upper, order, first, count, out):  # type: ignore[no-untyp
 
 
 @kernel
-def _half_area(box):  # type: ignore[no-untyped-def]
+def _half_area(box: Float64Array) -> float:
     x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
-    return x * y + y * z + z * x
+    area: float = x * y + y * z + z * x
+    return area
 
 
 @kernel
-def _grow(box, other):  # type: ignore[no-untyped-def]
+def _grow(box: Float64Array, other: Float64Array) -> None:
     for axis in range(3):
         box[axis] = min(box[axis], other[axis])
         box[3 + axis] = max(box[3 + axis], other[3 + axis])
 
 
 @kernel
-def _clear(box):  # type: ignore[no-untyped-def]
+def _clear(box: Float64Array) -> None:
     for axis in range(3):
         box[axis] = np.inf
         box[3 + axis] = -np.inf
 
 
 @kernel
-def _best_cut(lower, upper, order, first, count, axis, low, width):  # type: ignore[no-untyped-def]
+def _best_cut(
+    lower: Float64Array,
+    upper: Float64Array,
+    order: IntArray,
+    first: int,
+    count: int,
+    axis: int,
+    low: float,
+    width: float,
+) -> tuple[float, int]:
     """The cheapest cut along an axis: its cost, and after which bin it lies."""
     boxes = np.empty((BINS, 6))
     numbers = np.zeros(BINS, np.int64)
@@ -96,7 +113,17 @@ def _best_cut(lower, upper, order, first, count, axis, low, width):  # type: ign
 
 
 @kernel
-def _partition(lower, upper, order, first, count, axis, low, width, cut):  # type: ignore[no-untyped-def]
+def _partition(
+    lower: Float64Array,
+    upper: Float64Array,
+    order: IntArray,
+    first: int,
+    count: int,
+    axis: int,
+    low: float,
+    width: float,
+    cut: int,
+) -> int:
     """Bring the items of the bins up to `cut` to the front; how many they are."""
     left, right = first, first + count - 1
     while left <= right:
@@ -112,7 +139,15 @@ def _partition(lower, upper, order, first, count, axis, low, width, cut):  # typ
 
 
 @kernel
-def _split(lower, upper, order, first, count, depth, box):  # type: ignore[no-untyped-def]
+def _split(
+    lower: Float64Array,
+    upper: Float64Array,
+    order: IntArray,
+    first: int,
+    count: int,
+    depth: int,
+    box: Float64Array,
+) -> int:
     """How many of a node's items go to its left child; 0 when it had better be a leaf."""
     if count <= 1:
         return 0
@@ -145,7 +180,9 @@ def _split(lower, upper, order, first, count, depth, box):  # type: ignore[no-un
 
 
 @kernel
-def build(lower, upper, order, boxes, links):  # type: ignore[no-untyped-def]
+def build(
+    lower: Float64Array, upper: Float64Array, order: IntArray, boxes: Float64Array, links: IntArray
+) -> int:
     """Fill the tree; how many nodes it has.
 
     Parameters
@@ -179,7 +216,21 @@ def build(lower, upper, order, boxes, links):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _entry(boxes, node, ox, oy, oz, ix, iy, iz, sx, sy, sz, nearest, farthest):  # type: ignore[no-untyped-def]
+def _entry(
+    boxes: Float64Array,
+    node: int,
+    ox: float,
+    oy: float,
+    oz: float,
+    ix: float,
+    iy: float,
+    iz: float,
+    sx: int,
+    sy: int,
+    sz: int,
+    nearest: float,
+    farthest: float,
+) -> float:
     """Where a ray enters a node's box, infinity when it misses it."""
     near = max((boxes[node, sx] - ox) * ix, (boxes[node, sy + 1] - oy) * iy)
     near = max(max(near, (boxes[node, sz + 2] - oz) * iz), nearest)
@@ -189,7 +240,16 @@ def _entry(boxes, node, ox, oy, oz, ix, iy, iz, sx, sy, sz, nearest, farthest): 
 
 
 @kernel
-def crossing(corners, place, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
+def crossing(
+    corners: Float64Array,
+    place: int,
+    ox: float,
+    oy: float,
+    oz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+) -> float:
     """Where along a ray it crosses a triangle (corner, edge, edge), infinity when it does not."""
     ax, ay, az = corners[place, 3], corners[place, 4], corners[place, 5]
     bx, by, bz = corners[place, 6], corners[place, 7], corners[place, 8]
@@ -206,11 +266,27 @@ def crossing(corners, place, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped
     v = (dx * qx + dy * qy + dz * qz) * scale
     if not (v >= -EDGE_SLACK and u + v <= 1.0 + EDGE_SLACK):
         return np.inf
-    return (bx * qx + by * qy + bz * qz) * scale
+    distance: float = (bx * qx + by * qy + bz * qz) * scale
+    return distance
 
 
 @kernel
-def _walk(boxes, links, corners, ox, oy, oz, dx, dy, dz, nearest, farthest, first, nodes, entries):  # type: ignore[no-untyped-def]
+def _walk(
+    boxes: Float64Array,
+    links: IntArray,
+    corners: Float64Array,
+    ox: float,
+    oy: float,
+    oz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    nearest: float,
+    farthest: float,
+    first: bool,
+    nodes: IntArray,
+    entries: Float64Array,
+) -> tuple[int, float]:
     """Nearest (or, with `first`, any) crossing in [nearest, farthest): its place, its distance."""
     dx = dx if dx != 0.0 else LEAST_COMPONENT
     dy = dy if dy != 0.0 else LEAST_COMPONENT
@@ -253,7 +329,19 @@ def _walk(boxes, links, corners, ox, oy, oz, dx, dy, dz, nearest, farthest, firs
 
 
 @kernel
-def closest(boxes, links, corners, order, origins, directions, shift, ranges, hits, start, stop):  # type: ignore[no-untyped-def]
+def closest(
+    boxes: Float64Array,
+    links: IntArray,
+    corners: Float64Array,
+    order: IntArray,
+    origins: Float64Array,
+    directions: Float64Array,
+    shift: int,
+    ranges: Float64Array,
+    hits: IntArray,
+    start: int,
+    stop: int,
+) -> None:
     """Shorten `ranges` and set `hits` (plus `shift`) wherever a ray meets a nearer triangle."""
     nodes, entries = np.empty(STACK, np.int64), np.empty(STACK)
     for ray in range(start, stop):
@@ -269,7 +357,18 @@ def closest(boxes, links, corners, order, origins, directions, shift, ranges, hi
 
 
 @kernel
-def blocked(boxes, links, corners, origins, directions, nearest, farthest, out, start, stop):  # type: ignore[no-untyped-def]
+def blocked(
+    boxes: Float64Array,
+    links: IntArray,
+    corners: Float64Array,
+    origins: Float64Array,
+    directions: Float64Array,
+    nearest: Float64Array,
+    farthest: Float64Array,
+    out: BoolArray,
+    start: int,
+    stop: int,
+) -> None:
     """Set `out` wherever anything lies on a ray between `nearest` and `farthest`."""
     nodes, entries = np.empty(STACK, np.int64), np.empty(STACK)
     for ray in range(start, stop):

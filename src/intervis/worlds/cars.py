@@ -135,10 +135,10 @@ def _shell(body: Body, paint: Material) -> Soup:
     depth = np.minimum(np.arange(columns), columns - 1 - np.arange(columns))
     looks = np.full((stations, columns), PAINT)
     looks[:, depth == 0] = TRIMMED
-    looks[np.ix_(body.side_glass, np.flatnonzero(depth == 3))] = GLAZED
-    looks[np.ix_(body.top_glass, np.flatnonzero(depth >= 4))] = GLAZED
-    looks[np.ix_([0, 1], np.flatnonzero(depth == 2))] = HEADLIT
-    looks[np.ix_([stations - 1], np.flatnonzero((depth == 2) | (depth == 3)))] = TAILLIT
+    looks[np.ix_(np.array(body.side_glass), np.flatnonzero(depth == 3))] = GLAZED
+    looks[np.ix_(np.array(body.top_glass), np.flatnonzero(depth >= 4))] = GLAZED
+    looks[np.ix_(np.array([0, 1]), np.flatnonzero(depth == 2))] = HEADLIT
+    looks[np.ix_(np.array([stations - 1]), np.flatnonzero((depth == 2) | (depth == 3)))] = TAILLIT
     materials = {
         PAINT: paint,
         TRIMMED: TRIM,
@@ -162,6 +162,35 @@ def _wheel(radius_m: float) -> Soup:
     return Soup.joined([Soup.of(tyre, of.TYRE), Soup.of(rim, RIM)]).moved(to_axle)
 
 
+def _wheels(body: Body) -> Soup:
+    """Four wheels, each before the dark of its arch."""
+    half = body.width_m / 2
+    wheel = _wheel(body.wheel_m)
+    turn = np.linspace(0, 2 * np.pi, 14, endpoint=False)
+    circle = np.stack([np.cos(turn), np.zeros(14), np.sin(turn)], axis=1)[::-1]
+    parts = []
+    for axle in body.axles_m:
+        for side in (1, -1):
+            place = [axle, side * (half + 0.01), body.wheel_m]
+            facing = 0.0 if side > 0 else np.pi
+            parts.append(wheel.moved(shapes.upright_rotation(facing, place)))
+            arch = Soup.of(shapes.fan(circle * (body.wheel_m + 0.07) * [1, side, 1]), TRIM)
+            parts.append(arch.shifted(axle, side * (half + 0.003), body.wheel_m + 0.02))
+    return Soup.joined(parts)
+
+
+def _fittings(body: Body, paint: Material) -> Soup:
+    """Mirrors and number plates."""
+    half, base = body.width_m / 2, body.x_m[4] + 0.3
+    mirror = Soup.of(shapes.box([-0.08, -0.08, 0.0], [0.02, 0.08, 0.13]), paint.tinted(0.7))
+    parts = [mirror.shifted(base, side * (half + 0.02), body.belt_m[4]) for side in (1, -1)]
+    for x, sign in ((body.x_m[0] + 0.01, 1), (body.x_m[-1] - 0.01, -1)):
+        left, right, low, high = -0.26 * sign, 0.26 * sign, 0.38, 0.49
+        plate = shapes.quad([x, left, low], [x, right, low], [x, right, high], [x, left, high])
+        parts.append(Soup.of(plate, PLATE))
+    return Soup.joined(parts)
+
+
 def car(rng: np.random.Generator, body: Body | None = None) -> Soup:
     """A car on the ground at the origin, its nose along x.
 
@@ -174,33 +203,5 @@ def car(rng: np.random.Generator, body: Body | None = None) -> Soup:
     """
     chosen = BODIES[int(rng.integers(len(BODIES)))] if body is None else body
     colour, reflectance = PAINTS[int(rng.integers(len(PAINTS)))]
-    parts = [_shell(chosen, Material("car", colour, reflectance))]
-    half = chosen.width_m / 2
-    wheel = _wheel(chosen.wheel_m)
-    turn = np.linspace(0, 2 * np.pi, 14, endpoint=False)
-    circle = np.stack([np.cos(turn), np.zeros(14), np.sin(turn)], axis=1)[::-1]
-    for axle in chosen.axles_m:
-        for side in (1, -1):
-            place = [axle, side * (half + 0.01), chosen.wheel_m]
-            facing = 0.0 if side > 0 else np.pi
-            parts.append(wheel.moved(shapes.upright_rotation(facing, place)))
-            arch = shapes.fan(circle * (chosen.wheel_m + 0.07) * [1, side, 1])
-            well = arch + [axle, side * (half + 0.003), chosen.wheel_m + 0.02]
-            parts.append(Soup.of(well[well[:, :, 2].min(axis=1) > 0.2], TRIM))
-    x_mirror = chosen.x_m[4] + 0.3
-    for side in (1, -1):
-        low = np.array([x_mirror - 0.08, side * (half + 0.02) - 0.08, chosen.belt_m[4] + 0.0])
-        parts.append(Soup.of(shapes.box(low, low + [0.1, 0.16, 0.13]), parts_paint(colour)))
-    for x, sign in ((chosen.x_m[0] + 0.01, 1), (chosen.x_m[-1] - 0.01, -1)):
-        low_z = 0.38
-        plate = shapes.quad(
-            [x, -0.26 * sign, low_z], [x, 0.26 * sign, low_z],
-            [x, 0.26 * sign, low_z + 0.11], [x, -0.26 * sign, low_z + 0.11],
-        )  # fmt: skip
-        parts.append(Soup.of(plate, PLATE))
-    return Soup.joined(parts)
-
-
-def parts_paint(colour: tuple[float, float, float]) -> Material:
-    """Paint of the mirrors: the body's, a little darker."""
-    return Material("car", colour, 0.2).tinted(0.7)
+    paint = Material("car", colour, reflectance)
+    return Soup.joined([_shell(chosen, paint), _wheels(chosen), _fittings(chosen, paint)])

@@ -180,8 +180,8 @@ def bridge_over(path: Path, bridge: Bridge) -> Soup:
         ]
         parts.append(Soup.of(np.concatenate([*rails, *posts]), steel))
         for x in (-half + 2.0, half - 2.0):
-            pier = shapes.tube([0.42, 0.42], [-0.3, low + 0.02], 14) + [x, side * 9.2, 0.0]
-            parts.append(Soup.of(pier, of.CONCRETE.tinted(0.92)))
+            pier = Soup.of(shapes.tube([0.42, 0.42], [-0.3, low + 0.02], 14), of.CONCRETE)
+            parts.append(pier.shifted(x, side * 9.2, 0.0))
         beam = shapes.box([-half + 0.7, side * 9.2 - 0.5, low - 0.55],
                           [half - 0.7, side * 9.2 + 0.5, low + 0.02])  # fmt: skip
         parts.append(Soup.of(beam, of.CONCRETE))

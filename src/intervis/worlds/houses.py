@@ -1,6 +1,7 @@
 """Houses: fronts with recessed windows and doors, roofs, chimneys, balconies."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -72,10 +73,10 @@ def _wall(width_m: float, height_m: float, openings: list[Opening]) -> Float64Ar
     u_cuts = sorted({0.0, width_m, *(x for o in openings for x in (o.left_m, o.right_m))})
     v_cuts = sorted({0.0, height_m, *(x for o in openings for x in (o.low_m, o.high_m))})
     pieces = []
-    for low, high in zip(v_cuts[:-1], v_cuts[1:], strict=True):
+    for low, high in pairwise(v_cuts):
         here = [o for o in openings if o.low_m < (low + high) / 2 < o.high_m]
         left = None
-        for start, end in zip(u_cuts[:-1], u_cuts[1:], strict=True):
+        for start, end in pairwise(u_cuts):
             free = not any(o.left_m < (start + end) / 2 < o.right_m for o in here)
             if free and left is None:
                 left = start
@@ -174,7 +175,7 @@ def _face(
     if windows:
         size = windows[0].right_m - windows[0].left_m, windows[0].high_m - windows[0].low_m
         one = _window(*size, shutters)
-        parts += [one.placed(one.triangles + [o.left_m, o.low_m, 0.0]) for o in windows]
+        parts += [one.shifted(o.left_m, o.low_m, 0.0) for o in windows]
     return Soup.joined(parts).moved(front.pose)
 
 

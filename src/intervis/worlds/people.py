@@ -54,7 +54,7 @@ def person(rng: np.random.Generator, height_m: float | None = None, stride: floa
     for side in (1, -1):
         foot = np.array([side * stride / 2, side * 0.09, 0.06])
         legs.append(_limb(np.array([0.0, side * 0.085, hip + 0.02]), foot, 0.088, 0.05))
-        shoes.append(shapes.box(foot + [-0.07, -0.045, -0.06], foot + [0.17, 0.045, 0.03]))
+        shoes.append(shapes.box([-0.07, -0.045, -0.06], [0.17, 0.045, 0.03]) + foot)
         hand = np.array([-side * stride * 0.55, side * 0.25, hip - 0.02])
         arms.append(_limb(np.array([0.0, side * 0.19, shoulder - 0.03]), hand, 0.056, 0.036))
         hands.append(shapes.ellipsoid([0.045, 0.03, 0.07], 4, 6) + hand)

@@ -13,7 +13,7 @@ def _crown(
     radii_m: tuple[float, float, float],
     number: int,
     leaf_m: float = 0.2,
-    core: tuple[int, int] = (7, 11),
+    core: tuple[int, int] = (6, 9),
 ) -> Soup:
     """A clump about the origin: a lumpy core that closes it, `number` leaves around."""
     radii = np.asarray(radii_m)
@@ -111,5 +111,5 @@ def hedge(rng: np.random.Generator, length_m: float, height_m: float, width_m: f
     ends = [shapes.fan(points[0]), shapes.fan(points[-1, ::-1])]
     body = Soup.of(np.concatenate([shapes.grid(points), *ends]), of.HEDGE).speckled(rng, 0.3)
     tufts = shapes.leaves(rng, int(length_m * 16), [length_m / 2, half * 1.12, height_m / 2], 0.1)
-    tufts = tufts + [length_m / 2, 0.0, height_m * 0.54]
+    tufts += np.array([length_m / 2, 0.0, height_m * 0.54])
     return Soup.joined([body, Soup.of(tufts, of.HEDGE.tinted(1.35)).speckled(rng, 0.35)])

@@ -16,7 +16,7 @@ def _chunk(kind: bytes, body: bytes) -> bytes:
 
 
 def png_bytes(image: NDArray[np.uint8], level: int = 4) -> bytes:
-    """The bytes of a PNG file.
+    r"""The bytes of a PNG file.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def png_bytes(image: NDArray[np.uint8], level: int = 4) -> bytes:
     Examples
     --------
     >>> png_bytes(np.zeros((2, 3, 3), np.uint8))[:4]
-    b'\\x89PNG'
+    b'\x89PNG'
     """
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
         raise PointsError(

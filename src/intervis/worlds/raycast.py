@@ -1,6 +1,7 @@
 """Rays against known triangles: what is hit first, and is anything in between."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,14 +94,10 @@ class RayCaster:
         ranges = np.full(len(starts), float(farthest))
         hits = np.full(len(starts), -1, np.int64)
         shift = 0
-        for boxes, links, corners, order in self._trees:
-            in_parts(
-                lambda a, b, tree=(boxes, links, corners, order), shift=shift: bvh.closest(
-                    *tree, starts, ways, shift, ranges, hits, a, b
-                ),
-                len(starts),
-            )
-            shift += len(order)
+        for tree in self._trees:
+            work = partial(bvh.closest, *tree, starts, ways, shift, ranges, hits)
+            in_parts(work, len(starts))
+            shift += len(tree[-1])
         ranges[hits < 0] = np.inf
         return ranges, hits
 
@@ -125,10 +122,6 @@ class RayCaster:
         nearest, farthest = np.full(len(starts), float(margin_m)), lengths - margin_m
         out = np.zeros(len(starts), np.bool_)
         for boxes, links, corners, _ in self._trees:
-            in_parts(
-                lambda a, b, tree=(boxes, links, corners): bvh.blocked(
-                    *tree, starts, ways, nearest, farthest, out, a, b
-                ),
-                len(starts),
-            )
+            tree = boxes, links, corners
+            in_parts(partial(bvh.blocked, *tree, starts, ways, nearest, farthest, out), len(starts))
         return out

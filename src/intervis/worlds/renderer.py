@@ -1,6 +1,7 @@
 """A camera's picture of a moment: one ray a pixel, one more to the sun, more along edges."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,19 +76,19 @@ def _seen(
     total = len(ways)
     starts, asks = np.empty((total, 3)), np.empty(total, np.bool_)
     looks = (ways, ranges, hits, origin, moment.normals, moment.labels)
-    in_parts(lambda a, b: shading.sunward(*looks, sun, starts, asks, a, b), total)
+    in_parts(partial(shading.sunward, *looks, sun, starts, asks), total)
     asked = np.flatnonzero(asks)
     sunlit = np.zeros(total, np.bool_)
     from_there = starts[asked]
     sunlit[asked] = ~moment.caster.blocked(from_there, from_there + SHADOW_M * sun)
     out = np.empty((total, 3), np.float32)
-    in_parts(lambda a, b: shading.shade(*looks, moment.colours, sun, sunlit, out, a, b), total)
+    in_parts(partial(shading.shade, *looks, moment.colours, sun, sunlit, out), total)
     return out
 
 
 def _developed(linear: Float32Array) -> Float32Array:
     out = np.empty_like(linear)
-    in_parts(lambda a, b: shading.developed(linear, out, a, b), len(linear))
+    in_parts(partial(shading.developed, linear, out), len(linear))
     return out
 
 

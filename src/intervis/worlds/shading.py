@@ -7,6 +7,7 @@ there so that a person recognises a street.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from intervis.kernels import kernel
@@ -131,7 +132,7 @@ def sunward(
     hits: IntArray,
     origin: Float64Array,
     normals: Float64Array,
-    labels: IntArray,
+    labels: NDArray[np.int8],
     sun: Float64Array,
     starts: Float64Array,
     asks: BoolArray,
@@ -164,7 +165,7 @@ def shade(
     hits: IntArray,
     origin: Float64Array,
     normals: Float64Array,
-    labels: IntArray,
+    labels: NDArray[np.int8],
     colours: Float32Array,
     sun: Float64Array,
     sunlit: BoolArray,

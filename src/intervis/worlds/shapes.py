@@ -95,7 +95,8 @@ def ellipsoid(radii_m: ArrayLike, rings: int = 6, sides: int = 10) -> Float64Arr
     tilt = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
     ball = tube(np.cos(tilt), np.sin(tilt), sides, closed=False)
     area = np.linalg.norm(np.cross(ball[:, 1] - ball[:, 0], ball[:, 2] - ball[:, 0]), axis=1)
-    return ball[area > 1e-12] * np.asarray(radii_m, float)
+    stretched: Float64Array = ball[area > 1e-12] * np.asarray(radii_m, float)
+    return stretched
 
 
 def swept(profile: ArrayLike, start: ArrayLike, end: ArrayLike) -> Float64Array:
@@ -126,7 +127,8 @@ def leaves(
     corners -= corners.mean(axis=1, keepdims=True)
     corners /= np.linalg.norm(corners, axis=2, keepdims=True)
     scale = size_m * rng.uniform(0.6, 1.3, (number, 1, 1))
-    return middle[:, None] + corners * scale
+    placed: Float64Array = middle[:, None] + corners * scale
+    return placed
 
 
 def lumpy(rng: np.random.Generator, triangles: Float64Array, share: float) -> Float64Array:

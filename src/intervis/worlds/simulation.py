@@ -1,34 +1,34 @@
-"""A simulated drive, written in KITTI's raw layout."""
+"""A simulated drive: the street, scanned and photographed, written in KITTI's raw layout."""
 
-import io
-import os
+import json
 from collections.abc import Callable
-from datetime import datetime, timedelta
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import intervis
 from intervis.errors import OutputError, SettingsError
 from intervis.worlds.calibration import Calibration
+from intervis.worlds.kitti_layout import (
+    START,
+    Layout,
+    pose_text,
+    scan_bytes,
+    stamp_text,
+    write_whole,
+)
 from intervis.worlds.png import png_bytes
+from intervis.worlds.recording import FILE_NAME, PERIOD_S, world_bytes
 from intervis.worlds.renderer import render
 from intervis.worlds.scanner import Scanner
 from intervis.worlds.street import build_street
+from intervis.worlds.world import World
 
-DATE, DRIVE = "2011_09_26", "2011_09_26_drive_0001_sync"
-PERIOD_S = 0.1
-START = datetime(2011, 9, 26, 13, 0, 0)
-
-
-def _write(path: Path, content: bytes) -> None:
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(content)
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"cannot write {path}: {error.strerror or error}.") from None
+STAMP_NAME = "simulation.json"
+EDITION = 1
+"""Goes up whenever the same seed gives another drive: kept files of older editions are not."""
 
 
 def simulate(
@@ -37,32 +37,132 @@ def simulate(
     frames: int = 10,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
+    scanner: Scanner | None = None,
+    images: bool = True,
 ) -> Path:
-    """Write a simulated drive; its folder."""
-    if frames < 1:
-        raise SettingsError(f"frames must be 1 or more, got {frames}.")
-    drive = Path(out) / DATE / DRIVE
-    world, scanner, calibration = build_street(seed), Scanner(), Calibration()
-    for name, text in calibration.files(START).items():
-        _write(drive.parent / name, text.encode())
-    camera, cam_from_velo = calibration.camera(), calibration.cam_from_velo
-    poses, stamps = [], []
+    """Drive down the built-in street and write what a car of KITTI's would have brought home.
+
+    Under `out` come ``2011_09_26/`` with three calibration files and, in
+    ``2011_09_26_drive_0001_sync/``, ``velodyne_points`` and ``image_02`` (data and timestamps),
+    ``poses.txt`` (exact world_from_velo, KITTI's odometry format; the first is the identity),
+    ``world.npz`` (the triangles, see `load_world`) and ``simulation.json`` (how it was made).
+    Frame k is the same, to the byte, however many frames are asked for. Called again for the same
+    drive it keeps the frames that are there; for another drive of its own it replaces them; a
+    folder that holds anything else it refuses.
+
+    Parameters
+    ----------
+    out : path
+        Root folder; made where it does not exist.
+    frames : int
+        How many, at 10 Hz; the street ends after 330-odd.
+    seed : int
+        Which street, traffic and noise, 0 or more.
+    progress : callable, optional
+        Called with (frames done, frames in all) after each frame.
+    scanner : Scanner, optional
+        Another LiDAR.
+    images : bool
+        False leaves the pictures out.
+
+    Returns
+    -------
+    Path
+        The drive's folder.
+
+    Raises
+    ------
+    SettingsError
+        `frames` is not positive or more than the street is long, or `seed` is negative.
+    OutputError
+        The folder cannot be written, or holds something that `simulate` did not write.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise SettingsError(f"seed must be a whole number of 0 or more, got {seed!r}.")
+    if isinstance(frames, bool) or not isinstance(frames, int) or frames < 1:
+        raise SettingsError(f"frames must be a whole number of 1 or more, got {frames!r}.")
+    world, sensor, calibration = build_street(seed), scanner or Scanner(), Calibration()
+    most = int(world.last_s / PERIOD_S) + 1
+    if frames > most:
+        raise SettingsError(f"frames must be at most {most}, where the street ends, got {frames}.")
+    layout = Layout(Path(out))
+    stamp = {
+        "made_by": "intervis simulate",
+        "version": intervis.__version__,
+        "edition": EDITION,
+        "seed": seed,
+        "images": images,
+        "scanner": asdict(sensor),
+    }
+    _prepare(layout, calibration, stamp, frames)
+    _describe(layout, world, frames, images)
     for number in range(frames):
-        time_s = number * PERIOD_S
-        moment, pose = world.at(time_s), world.vehicle_pose_at(time_s)
-        points, attributes = scanner.scan(moment, pose, np.random.default_rng([seed, number]))
-        rows = np.column_stack([points, attributes["intensity"]]).astype("<f4")
-        _write(drive / "velodyne_points" / "data" / f"{number:010d}.bin", rows.tobytes())
-        picture = render(moment, camera, cam_from_velo, pose)
-        _write(drive / "image_02" / "data" / f"{number:010d}.png", png_bytes(picture))
-        poses.append(" ".join(f"{part:.12e}" for part in pose[:3].ravel()) + "\n")
-        stamps.append(f"{START + timedelta(seconds=time_s):%Y-%m-%d %H:%M:%S.%f}000\n")
-        if progress:
+        _write_frame(layout, world, sensor, calibration, seed, number, images)
+        if progress is not None:
             progress(number + 1, frames)
-    for folder in ("velodyne_points", "image_02"):
-        _write(drive / folder / "timestamps.txt", "".join(stamps).encode())
-    _write(drive / "poses.txt", "".join(poses).encode())
-    buffer = io.BytesIO()
-    np.savez(buffer, static=world.static.triangles, labels=world.static.labels)
-    _write(drive / "world.npz", buffer.getvalue())
-    return drive
+    return layout.drive
+
+
+def _prepare(layout: Layout, calibration: Calibration, stamp: dict[str, Any], frames: int) -> None:
+    """Calibration and stamp; what an earlier simulation left and this one will not have goes."""
+    text = json.dumps(stamp, indent=1) + "\n"
+    stamp_path = layout.drive / STAMP_NAME
+    files = {layout.date / name: body for name, body in calibration.files(START).items()}
+    try:
+        before = stamp_path.read_text() if stamp_path.is_file() else None
+        if before is None:
+            _refuse_foreign(layout, files)
+        kept = layout.expected(frames) if before == text else set()
+        for path in layout.frame_files():
+            if path not in kept:
+                path.unlink()
+    except OSError as error:
+        raise OutputError(f"cannot use {layout.root}: {error.strerror or error}.") from None
+    for path, body in files.items():
+        write_whole(path, body.encode())
+    write_whole(stamp_path, text.encode())
+
+
+def _refuse_foreign(layout: Layout, files: dict[Path, str]) -> None:
+    """Another recording of that day must not be overwritten: KITTI has a drive of this name."""
+    foreign = [path for path, body in files.items() if path.is_file() and path.read_text() != body]
+    if layout.drive.is_dir() and any(layout.drive.iterdir()):
+        foreign.append(layout.drive)
+    if foreign:
+        raise OutputError(
+            f"{foreign[0]} was not written by `intervis simulate` and is left as it is;"
+            " choose another folder for the output."
+        )
+
+
+def _describe(layout: Layout, world: World, frames: int, images: bool) -> None:
+    """Everything that is known before the first ray: poses, times, triangles."""
+    poses = np.array([world.vehicle_pose_at(number * PERIOD_S) for number in range(frames)])
+    stamps = stamp_text(frames, PERIOD_S).encode()
+    write_whole(layout.drive / FILE_NAME, world_bytes(world, frames))
+    write_whole(layout.drive / "poses.txt", pose_text(poses).encode())
+    write_whole(layout.drive / "velodyne_points" / "timestamps.txt", stamps)
+    if images:
+        write_whole(layout.drive / "image_02" / "timestamps.txt", stamps)
+
+
+def _write_frame(
+    layout: Layout,
+    world: World,
+    scanner: Scanner,
+    calibration: Calibration,
+    seed: int,
+    number: int,
+    images: bool,
+) -> None:
+    scan, image = layout.scan(number), layout.image(number)
+    if scan.is_file() and (image.is_file() or not images):
+        return
+    time_s = number * PERIOD_S
+    moment, pose = world.at(time_s), world.vehicle_pose_at(time_s)
+    rng = np.random.default_rng([seed, number])
+    points, attributes = scanner.scan(moment, pose, rng)
+    write_whole(scan, scan_bytes(points, attributes["intensity"]))
+    if images:
+        picture = render(moment, calibration.camera(), calibration.cam_from_velo, pose)
+        write_whole(image, png_bytes(picture))

@@ -116,6 +116,15 @@ class Soup:
         ]
         return cls(*fields)
 
+    def part(self, first: int, last: int) -> "Soup":
+        """The triangles from `first` up to, not including, `last`."""
+        return Soup(
+            self.triangles[first:last],
+            self.labels[first:last],
+            self.colours[first:last],
+            self.reflectances[first:last],
+        )
+
     def moved(self, pose: Float64Array) -> "Soup":
         """Carried by a rigid motion."""
         return self.placed(transform(pose, self.triangles))
@@ -123,6 +132,10 @@ class Soup:
     def placed(self, triangles: Float64Array) -> "Soup":
         """The same surfaces with other corners (T, 3, 3)."""
         return Soup(triangles, self.labels, self.colours, self.reflectances)
+
+    def shifted(self, x_m: float, y_m: float, z_m: float) -> "Soup":
+        """Carried by a shift."""
+        return self.placed(self.triangles + np.array([x_m, y_m, z_m]))
 
     def scaled(self, factor: float) -> "Soup":
         """Larger or smaller, about the origin."""
@@ -138,10 +151,20 @@ class Soup:
             self.reflectances * factor,
         )
 
+    def stored(self) -> "Soup":
+        """Rounded to numbers that a file holds exactly: corners float32, looks float16."""
+        return Soup(
+            self.triangles.astype(np.float32).astype(np.float64),
+            self.labels,
+            self.colours.astype(np.float16).astype(np.float32),
+            self.reflectances.astype(np.float16).astype(np.float32),
+        )
+
     @property
     def normals(self) -> Float64Array:
         """(T, 3) unit normals by the right-hand rule; zero for degenerate triangles."""
         corners = self.triangles
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+        flat: Float64Array = np.where(lengths > 0, lengths, 1.0)
+        return np.asarray(normals / flat)

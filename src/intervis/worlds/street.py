@@ -226,7 +226,7 @@ def build_street(seed: int = 0) -> World:
     ]
     world_from_street = inverse(traffic.vehicle_pose(path, 0.0))
     return World(
-        Soup.joined(parts).moved(world_from_street),
+        Soup.joined(parts).moved(world_from_street).stored(),
         traffic.movers(path, streams[7], world_from_street, CROSSING_M),
         partial(_vehicle_pose, path, world_from_street),
         DRIVE_M / (traffic.SPEED_M_S + 0.1),

@@ -77,7 +77,7 @@ def movers(
     found: list[Mover] = []
 
     def add(name: str, soup: Soup, pose: Callable[[float], Float64Array]) -> None:
-        found.append(Mover(name, soup, lambda time_s: world_from_street @ pose(time_s)))
+        found.append(Mover(name, soup.stored(), lambda time_s: world_from_street @ pose(time_s)))
 
     def follow(course: Course) -> Callable[[float], Float64Array]:
         return lambda time_s: course.pose(path, time_s)
