@@ -19,7 +19,6 @@ DONE, SOME_FRAMES_FAILED, WRONG_REQUEST, OWN_FAULT, INTERRUPTED = 0, 1, 2, 3, 13
 app = typer.Typer(
     name="intervis",
     help="What can see what: intervisibility of LiDAR point clouds from a moving vehicle.",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -32,8 +31,9 @@ def _show_version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _root(
+    context: typer.Context,
     version: Annotated[
         bool,
         typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
@@ -46,6 +46,9 @@ def _root(
     # Neighbours log whole compilations at this level; only our own words are asked for.
     for neighbour in ("numba", "matplotlib", "PIL"):
         logging.getLogger(neighbour).setLevel(logging.WARNING)
+    if context.invoked_subcommand is None:
+        show(context.get_help())
+        raise typer.Exit(WRONG_REQUEST)
 
 
 app.command("run")(_run.run)
@@ -73,13 +76,21 @@ def exit_code(arguments: Sequence[str]) -> int:
         complain(str(error))
         return WRONG_REQUEST
     except typer.TyperException as error:
-        complain(f"{error.format_message().rstrip('.')}; 'intervis --help' lists what there is.")
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "intervis"
+        sentence = error.format_message().rstrip()
+        complain(
+            f"{sentence}{'' if sentence.endswith(('.', '?')) else '.'} See '{command} --help'."
+        )
         return WRONG_REQUEST
     except (KeyboardInterrupt, typer.Abort):
         complain("interrupted.")
         return INTERRUPTED
     except MemoryError:
         complain("there is not enough memory for this request.")
+        return WRONG_REQUEST
+    except OSError as error:  # the system refused something that no part of the program foresaw
+        complain(f"cannot use {error.filename or 'a file'}: {error.strerror or error}.")
         return WRONG_REQUEST
     except Exception as error:
         logging.getLogger("intervis").debug("unexpected", exc_info=True)

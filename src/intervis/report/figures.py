@@ -192,8 +192,9 @@ def draw_surface(axes: Any, analysis: "Analysis") -> None:
     horizontal, vertical = CHART_AXES[analysis.settings.chart]
     axes.set(xlabel=horizontal, ylabel=vertical, title="Manifold auxiliary surface")
     if analysis.settings.chart == "ground":
-        axes.set_aspect("equal")
-        axes.set_anchor("N")
+        both = np.vstack([before, analysis.chart])
+        x, y = _extent(both, np.zeros(2), 100.0)
+        axes.set(xlim=x, ylim=y, aspect="equal", anchor="N")
     colour_bar(axes, shown, f"flow distance D′, {_unit(analysis)}")
 
 

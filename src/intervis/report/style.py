@@ -57,11 +57,13 @@ def page_figure(height_in: float, **subplots: Any) -> Iterator[tuple["Figure", A
     """
     try:
         import matplotlib
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
         raise MissingExtraError("matplotlib", "plots", "Drawing pictures") from None
     with matplotlib.rc_context(_TEXT):
         figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained")
+        FigureCanvasAgg(figure)
         if "mosaic" in subplots:
             yield figure, figure.subplot_mosaic(**subplots)
         else:

@@ -1,0 +1,364 @@
+"""The command line: quick to start, one sentence for every mistake, exit codes that mean it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import intervis
+import intervis.stream
+from intervis.cli import exit_code
+from small_drive import files_below, scan_folder, street
+
+PROGRAM = [sys.executable, "-c", "from intervis.cli import main; main()"]
+
+
+@pytest.fixture
+def drive(tmp_path) -> Path:
+    return scan_folder(tmp_path / "drive")
+
+
+# Quick to start
+
+
+def modules_after(code: str) -> set[str]:
+    """Names of the modules that a fresh interpreter holds after some code."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules, sep='\\n')"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(done.stdout.split())
+
+
+def test_help_loads_nothing_heavy():
+    loaded = modules_after("from intervis.cli import exit_code\nassert exit_code(['--help']) == 0")
+    assert "typer" in loaded
+    assert loaded.isdisjoint({"numpy", "scipy", "numba", "pydantic", "matplotlib", "PIL", "rich"})
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    loaded = modules_after("import intervis")
+    assert loaded.isdisjoint({"numpy", "scipy", "numba", "pydantic", "matplotlib", "PIL", "typer"})
+
+
+def test_a_run_loads_no_matplotlib(drive, tmp_path):
+    loaded = modules_after(
+        "from intervis.cli import exit_code\n"
+        f"assert exit_code(['run', {str(drive)!r}, '--out', {str(tmp_path / 'out')!r}]) == 0"
+    )
+    assert "numba" in loaded
+    assert loaded.isdisjoint({"matplotlib", "PIL"})
+
+
+@pytest.mark.parametrize("command", [[], ["run"], ["simulate"], ["demo"]])
+def test_every_command_has_help(command, capsys):
+    assert exit_code([*command, "--help"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith(f"Usage: intervis {' '.join(command)}".rstrip())
+    assert not err
+
+
+def test_version(capsys):
+    assert exit_code(["--version"]) == 0
+    assert capsys.readouterr().out == f"intervis {intervis.__version__}\n"
+
+
+# What goes well
+
+
+def test_a_run_prints_the_measures_in_the_papers_terms(drive, tmp_path, capsys):
+    assert exit_code(["run", str(drive), "--out", str(tmp_path / "out"), "--tau", "10"]) == 0
+    out, err = capsys.readouterr()
+    lines = out.splitlines()
+    heading = "frame n_raw n_fov nodes n N SP ARR % TPI % TPI_unique % DCP % total ms"
+    assert " ".join(lines[1].split()) == heading
+    rows = [line.split() for line in lines[3:6]]
+    # Without a camera the whole circle is in view: 440 returns, 440 / 10 = 44 nodes, 90 % less.
+    assert [row[:4] for row in rows] == [[str(n), "440", "440", "44"] for n in (0, 1, 2)]
+    assert [row[6] for row in rows] == ["90.00"] * 3
+    assert "p50 ms" in out
+    assert "p99 ms" in out
+    assert f"Results: {tmp_path / 'out'}" in out
+    assert err == "note: this drive has no camera, so the viewpoint is the sensor.\n"
+
+
+def test_many_frames_are_summed_up(tmp_path, capsys):
+    drive = scan_folder(tmp_path / "drive", tuple(range(13)))
+    assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 0
+    first_words = [line.split()[0] for line in capsys.readouterr().out.splitlines()[3:7]]
+    assert first_words == ["mean", "sample", "least", "greatest"]
+
+
+def test_a_second_run_says_so_and_changes_nothing(drive, tmp_path, capsys):
+    command = ["run", str(drive), "--out", str(tmp_path / "out")]
+    assert exit_code(command) == 0
+    before = files_below(tmp_path / "out")
+    assert exit_code(command) == 0
+    assert files_below(tmp_path / "out") == before
+    assert "3 of 3 frames were there from an earlier run." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words", [["--viewpoint", "-1,0,2.5"], ["--viewpoint=-1,0,2.5"], ["--viewpoint=-1.0, 0, 2.5"]]
+)
+def test_a_viewpoint_may_begin_with_a_minus(drive, tmp_path, words):
+    assert exit_code(["run", str(drive), "--out", str(tmp_path / "out"), *words]) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["viewpoint"] == [-1.0, 0.0, 2.5]
+
+
+def test_settings_come_from_a_file_then_tau_then_set(drive, tmp_path):
+    (tmp_path / "mine.toml").write_text('tau = 7\nchart = "polar"\nrepulsion = 0.2\n')
+    out = tmp_path / "out"
+    changes = "--tau 9 --set repulsion=0 --set criterion=sight_angle --set influence_radius=none"
+    command = ["run", str(drive), "--out", str(out), "--settings", str(tmp_path / "mine.toml")]
+    code = exit_code([*command, *changes.split(), "--frames", "1:"])
+    assert code == 0
+    settings = json.loads((out / "summary.json").read_text())["settings"]
+    assert (settings["tau"], settings["chart"], settings["repulsion"]) == (9, "polar", 0)
+    assert settings["criterion"] == "sight_angle"
+    assert settings["influence_radius"] is None
+    assert sorted(path.name for path in (out / "frames").iterdir()) == [
+        "0000000001.npz",
+        "0000000002.npz",
+    ]
+
+
+def test_one_scan_is_a_drive(drive, tmp_path, capsys):
+    code = exit_code(["run", str(drive / "000001.bin"), "--out", str(tmp_path / "out")])
+    assert code == 0
+    assert (tmp_path / "out" / "frames" / "0000000000.npz").exists()
+
+
+def test_overwrite_starts_anew(drive, tmp_path, capsys):
+    out = str(tmp_path / "out")
+    assert exit_code(["run", str(drive), "--out", out]) == 0
+    assert exit_code(["run", str(drive), "--out", out, "--tau", "9"]) == 2
+    assert exit_code(["run", str(drive), "--out", out, "--tau", "9", "--overwrite"]) == 0
+
+
+# One sentence for every mistake
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run", "{drive}/nowhere", "--out", "{out}"], "nothing at {drive}/nowhere"),
+        (["run", "{empty}", "--out", "{out}"], "is empty"),
+        (["run", "{text}", "--out", "{out}"], "no drive of a known layout. Looked for"),
+        (["run", "{text}/notes.txt", "--out", "{out}"], "is no scan"),
+        (["run", "{drive}", "--out", "{out}", "--tau", "0"], "'tau' must be 1 or more"),
+        (["run", "{drive}", "--out", "{out}", "--tau", "-3"], "'tau' must be 1 or more"),
+        (["run", "{drive}", "--out", "{out}", "--tau", "few"], "--tau must be a whole number"),
+        (["run", "{drive}", "--out", "{out}", "--set", "critrion=z"], "did you mean 'criterion'?"),
+        (["run", "{drive}", "--out", "{out}", "--set", "criterion=z"], "'criterion'"),
+        (["run", "{drive}", "--out", "{out}", "--set", "tau"], "--set must be name=value"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{drive}/no.toml"], "cannot read"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{bad}"], "no valid TOML"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{wrong}"], "did you mean 'tau'?"),
+        (["run", "{drive}", "--out", "{out}", "--viewpoint", "driver"], "or X,Y,Z in metres"),
+        (["run", "{drive}", "--out", "{out}", "--viewpoint", "1,2"], "must be X,Y,Z in metres"),
+        (["run", "{drive}", "--out", "{out}", "--viewpoint", "1,nan,2"], "three finite numbers"),
+        (["run", "{drive}", "--out", "{out}", "--viewpoint", "start"], "this drive has none"),
+        (["run", "{drive}", "--out", "{out}", "--frames", "a:b"], "--frames must be A:B"),
+        (["run", "{drive}", "--out", "{out}", "--frames", "5:5"], "holds no frame"),
+        (["run", "{drive}", "--out", "{out}", "--frames", "7:"], "3 frames, from 0 to 2"),
+        (["run", "{drive}", "--out", "{out}", "--camera", "image_09"], "image_09"),
+        (["run", "{drive}", "--out", "{text}/notes.txt"], "is a file: choose a folder"),
+        (["run", "{drive}", "--out", "{text}/notes.txt/out"], "cannot"),
+        (["run", "{drive}"], "--out"),
+        (["run", "--out", "{out}"], "source"),
+        (["run", "{drive}", "--out", "{out}", "--tua", "3"], "--tau"),
+        (["ran"], "run"),
+        (["run", "{drive}", "--out", "{out}", "extra"], "extra"),
+        (["demo", "--frames", "0", "--out", "{out}"], "1 or more"),
+        (["demo", "--frames", "x"], "--frames"),
+        (["simulate"], "--out"),
+    ],
+)
+def test_a_wrong_request_gets_one_sentence(words, said, drive, tmp_path, capsys):
+    places = {"drive": drive, "out": tmp_path / "out", "empty": tmp_path / "empty"}
+    places |= {"text": tmp_path / "text", "bad": tmp_path / "bad.toml"}
+    places["wrong"] = tmp_path / "wrong.toml"
+    places["empty"].mkdir()
+    places["text"].mkdir()
+    (places["text"] / "notes.txt").write_text("hello")
+    places["bad"].write_text("tau = = 3")
+    places["wrong"].write_text("taw = 3")
+    code = exit_code([word.format(**places) for word in words])
+    err = capsys.readouterr().err
+    sentence = [line for line in err.splitlines() if not line.startswith("note: ")]
+    assert code == 2, err
+    assert len(sentence) == 1, err
+    assert sentence[0].startswith("intervis: ")
+    assert said.format(**places) in sentence[0]
+    assert not list((tmp_path / "out").rglob("*")) if (tmp_path / "out").exists() else True
+
+
+def test_another_run_in_out_is_refused(drive, tmp_path, capsys):
+    out = str(tmp_path / "out")
+    assert exit_code(["run", str(drive), "--out", out]) == 0
+    capsys.readouterr()
+    assert exit_code(["run", str(drive), "--out", out, "--tau", "9"]) == 2
+    assert "tau is 35 there and 9 here" in capsys.readouterr().err
+
+
+def test_tau_auto_is_refused_in_words_as_long_as_it_is_not_there(drive, tmp_path, capsys):
+    code = exit_code(["run", str(drive), "--out", str(tmp_path / "out"), "--tau", "auto"])
+    if code == 0:
+        pytest.skip("tau='auto' is there")
+    assert code == 2
+    assert "tau='auto'" in capsys.readouterr().err
+
+
+def test_a_broken_frame_is_listed_and_the_exit_code_says_so(drive, tmp_path, capsys):
+    (drive / "000001.bin").write_bytes(b"12345")
+    assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 1
+    err = capsys.readouterr().err
+    assert "intervis: frame 1 failed: " in err
+    assert "Traceback" not in err
+    assert sorted(p.name for p in (tmp_path / "out" / "frames").iterdir()) == [
+        "0000000000.npz",
+        "0000000002.npz",
+    ]
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [failure["number"] for failure in summary["failures"]] == [1]
+
+
+def test_a_drive_of_broken_frames_still_ends_well(drive, tmp_path, capsys):
+    for path in drive.iterdir():
+        path.write_bytes(b"")
+    assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err.count("failed: ") == 3
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["frames"] == []
+
+
+def scan_of(points: np.ndarray, path: Path) -> Path:
+    np.save(path, points.astype(np.float32))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "points"),
+    [
+        ("one", [[5.0, 1, -1]]),
+        ("two", [[5.0, 1, -1], [6.0, 0, -1]]),
+        ("three", [[5.0, 1, -1], [6.0, 0, -1], [7.0, 3, 0]]),
+        ("collinear", [[x, 0.0, -1] for x in range(5, 25)]),
+        ("equal", [[5.0, 1, -1]] * 20),
+    ],
+)
+def test_scans_of_next_to_nothing_run(name, points, tmp_path):
+    scan = scan_of(np.array(points), tmp_path / f"{name}.npy")
+    out = tmp_path / "out"
+    assert exit_code(["run", str(scan), "--out", str(out), "--tau", "1"]) == 0
+    frame = json.loads((out / "summary.json").read_text())["frames"][0]
+    assert frame["measures"]["n"] == len(points)
+    assert frame["measures"]["TPI"] is not None
+
+
+def test_points_that_are_not_finite_are_left_out_and_reported(tmp_path, capsys):
+    points = street(0)
+    points[::10] = np.nan
+    scan = scan_of(points, tmp_path / "holes.npy")
+    assert exit_code(["run", str(scan), "--out", str(tmp_path / "out")]) == 0
+    assert "44 returns with NaN or infinite coordinates were left out." in capsys.readouterr().out
+
+
+def test_nothing_in_view_is_a_failed_frame(tmp_path, capsys):
+    points = street(0)
+    scan = scan_of(points[points[:, 0] < -1], tmp_path / "behind.npy")
+    code = exit_code(["run", str(scan), "--out", str(tmp_path / "out"), "--set", "view=front"])
+    assert code == 1
+    assert "no return is in view" in capsys.readouterr().err
+
+
+def test_an_interruption_says_how_to_go_on(drive, tmp_path, capsys, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(intervis.stream, "analyze", interrupt)
+    assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 130
+    assert "the same command goes on from where it stopped" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (MemoryError(), 2, "not enough memory"),
+        (RuntimeError("odd"), 3, "RuntimeError: odd"),
+    ],
+)
+def test_a_fault_of_the_program_is_one_sentence_too(
+    error, code, said, drive, tmp_path, capsys, monkeypatch
+):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(intervis.stream, "run", fail)
+    assert exit_code(["run", str(drive / "000000.bin"), "--out", str(tmp_path / "out")]) == code
+    err = capsys.readouterr().err
+    assert said in err
+    assert "Traceback" not in err
+
+
+def test_verbose_shows_where_a_fault_was(drive, tmp_path):
+    program = (
+        "import intervis.stream as s\n"
+        "def odd(*a, **k): raise RuntimeError('odd')\n"
+        "s.run = odd\n"
+        "from intervis.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            program,
+            "--verbose",
+            "run",
+            str(drive),
+            "--out",
+            str(tmp_path / "o"),
+        ],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 3
+    assert "in odd" in done.stderr
+
+
+def test_a_reader_who_leaves_is_no_error(drive, tmp_path):
+    with subprocess.Popen(
+        [*PROGRAM, "run", str(drive), "--out", str(tmp_path / "out")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        process.stdout.close()
+        err = process.stderr.read()
+        assert process.wait(60) == 0, err
+    assert err == "note: this drive has no camera, so the viewpoint is the sensor.\n"
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["complete"] is True
+
+
+def test_a_killed_run_goes_on(tmp_path):
+    drive = scan_folder(tmp_path / "drive", tuple(range(150)))
+    out = tmp_path / "out"
+    command = [*PROGRAM, "run", str(drive), "--out", str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        while process.poll() is None and len(list(out.glob("frames/*.npz"))) < 3:
+            pass
+        process.kill()
+    there = {p.name: p.stat().st_mtime_ns for p in out.glob("frames/*.npz")}
+    if len(there) == 150:
+        pytest.skip("the run was over before it could be killed")
+    assert subprocess.run(command, capture_output=True).returncode == 0
+    assert len(list(out.glob("frames/*.npz"))) == 150
+    assert not list(out.rglob("*.part"))
+    assert all((out / "frames" / name).stat().st_mtime_ns == time for name, time in there.items())
