@@ -2,49 +2,14 @@
 
 import numpy as np
 import pytest
+from yard import GROUND, SENSOR, YARD, box, scan_of
 
-from intervis.transform import inverse, rigid, transform
+from intervis.transform import transform
 from intervis.truth.exact import Sampling, in_the_open, questions, truth
 from intervis.truth.rays import BuiltInCaster, EmbreeCaster, caster_of
 from intervis.truth.rivals import Seen
 
 SMALL = Sampling(viewpoints=3, returns=200, free_points=300, seed=1)
-
-
-def rectangle(corner, one, other):
-    a, b, c = (np.asarray(v, float) for v in (corner, one, other))
-    return np.array([[a, a + b, a + c], [a + b + c, a + b, a + c]])
-
-
-def box(low, high):
-    low, high = np.asarray(low, float), np.asarray(high, float)
-    x, y, z = np.diag(high - low)
-    return np.concatenate(
-        [
-            face
-            for a, b, across in [(x, y, z), (y, z, x), (z, x, y)]
-            for face in (rectangle(low, a, b), rectangle(low + across, a, b))
-        ]
-    )
-
-
-GROUND = rectangle([-200, -200, 0], [400, 0, 0], [0, 400, 0])
-HOUSE = box([8, -6, 0], [16, 6, 5])
-YARD = np.concatenate([GROUND, HOUSE])
-SENSOR = rigid(np.eye(3), [0.0, 0.0, 1.7])
-
-
-def scan_of(triangles, pose, noise_m=0.0):
-    rng = np.random.default_rng(7)
-    azimuth = np.radians(np.arange(0, 360, 1.5))
-    elevation = np.radians(np.arange(-25, 3, 1.0))
-    a, e = (grid.ravel() for grid in np.meshgrid(azimuth, elevation))
-    ways = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    start = pose[:3, 3]
-    reach = caster_of(triangles).first_hit(start, start + 100 * ways)
-    reach += noise_m * rng.normal(size=len(reach))
-    hit = np.isfinite(reach)
-    return transform(inverse(pose), start + ways[hit] * reach[hit, None])
 
 
 def seen_of(scan):

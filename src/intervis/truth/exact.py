@@ -67,7 +67,7 @@ class Sampling:
     seed: int = 0
 
 
-def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling = Sampling()) -> Questions:
+def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = None) -> Questions:
     """Ask about the asked scan of ``seen``, from random viewpoints around its sensor.
 
     Parameters
@@ -83,6 +83,7 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling = Sampling()
     Question
         Fewer than asked for where too few places around the sensor are in the open.
     """
+    sampling = sampling or Sampling()
     rng = np.random.default_rng([sampling.seed, seen.asked])
     place = seen.numbers.index(seen.asked)
     pose, scan = seen.poses[place], seen.scans[place]

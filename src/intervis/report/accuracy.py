@@ -1,0 +1,80 @@
+"""Tables of an evaluation: every method's best setting, and all settings."""
+
+import math
+from typing import TYPE_CHECKING
+
+from intervis.report.tables import Table
+
+if TYPE_CHECKING:
+    from intervis.truth.evaluation import Evaluation, Row
+    from intervis.truth.scores import Scores
+
+HEADINGS = (
+    "method",
+    "MCC",
+    "AUC",
+    "Brier",
+    "gap",
+    "answered",
+    "MCC of these",
+    '"visible" right',
+    '"occluded" right',
+    "ms to prepare",
+    "ms to answer",
+)
+NOTE = (
+    "MCC: every point answered, visible from a probability of 0.5 on. Gap: largest gap of the"
+    " reliability plot, in bins with 1 % of the points or more. Answered: share that is not"
+    ' "unknown"; the three columns after it are about that share. Averages over the questions,'
+    " times are medians."
+)
+
+
+def accuracy_table(evaluation: "Evaluation", *, every_setting: bool = False) -> Table:
+    """One row for each method at its best setting, or for every setting.
+
+    Where targets are of several kinds, the rows of each kind follow.
+    """
+    rows = evaluation.rows if every_setting else evaluation.best_rows()
+    cells = [_cells(_name(row), row.mean, row) for row in rows]
+    for part in rows[0].parts if rows else ():
+        cells += [_cells(f"{_name(row)}, {part}", row.mean_of(part), None) for row in rows]
+    title = (
+        f"{evaluation.source}: {evaluation.truth}, protocol {evaluation.protocol},"
+        f" {len(evaluation.questions)} viewpoints, {evaluation.points:,} points"
+    )
+    return Table(title, HEADINGS, tuple(cells), (NOTE,))
+
+
+def questions_table(evaluation: "Evaluation") -> Table:
+    """Ours for each question: nothing hides behind an average."""
+    row = evaluation.rows[0]
+    cells = [
+        _cells(label, scores, None)[:-2]
+        for label, scores in zip(row.labels, row.scores, strict=True)
+    ]
+    return Table(f"{row.method}, each viewpoint", ("viewpoint", *HEADINGS[1:-2]), tuple(cells))
+
+
+def _name(row: "Row") -> str:
+    return row.method if row.setting == "default" else f"{row.method} ({row.setting})"
+
+
+def _cells(name: str, scores: "Scores", row: "Row | None") -> tuple[str, ...]:
+    return (
+        name,
+        _text(scores.mcc, ".3f"),
+        _text(scores.auc, ".3f"),
+        _text(scores.brier, ".3f"),
+        _text(scores.reliability.largest_gap, ".3f"),
+        _text(scores.coverage, ".1%"),
+        _text(scores.mcc_answered, ".3f"),
+        _text(scores.precision_visible, ".1%"),
+        _text(scores.precision_occluded, ".1%"),
+        "" if row is None else _text(1e3 * row.prepare_s, ".0f"),
+        "" if row is None else _text(1e3 * row.answer_s, ".0f"),
+    )
+
+
+def _text(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "-"
