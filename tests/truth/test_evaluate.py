@@ -136,13 +136,12 @@ def test_only_the_nearest_scans_are_given(drive, monkeypatch):
         return np.ones(len(targets))
 
     evaluate_held_out(drive, pairs=((0, 9),), protocol="map", methods=[method("note", note)])
-    assert met == [(0, 7, 11, 12)] or met == [(0, 6, 7, 11)]
+    assert met == [(0, 6, 7, 11)]  # 7 and 11 at 2 m, then 6 and 12 at 3 m; scan 0 in any case
 
 
 def test_the_best_setting_is_the_one_with_the_highest_mcc(drive):
-    evaluation = evaluate_held_out(
-        drive, pairs=((0, 14),), methods=theirs(several_scans=False)[5:9]
-    )
+    some = theirs(several_scans=False)[5:9]  # of one rival
+    evaluation = evaluate_held_out(drive, pairs=((0, 14),), methods=some)
     (best,) = evaluation.best_rows()
     assert best.mean.mcc == max(row.mean.mcc for row in evaluation.rows)
     said = evaluation.to_json()
