@@ -40,12 +40,20 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Remark:
+    """A paragraph that opens with a few words in bold."""
+
+    opening: str
+    text: str
+
+
+@dataclass(frozen=True)
 class Page:
     """What a page says, in order: title, lead, pictures and tables, small print."""
 
     title: str
     lead: str
-    parts: Sequence[Picture | Table | str]
+    parts: Sequence[Picture | Table | Remark | str]
     small_print: Sequence[str] = ()
 
     def as_html(self) -> str:
@@ -68,9 +76,11 @@ class Page:
         )
 
 
-def _part(part: Picture | Table | str) -> str:
+def _part(part: Picture | Table | Remark | str) -> str:
     if isinstance(part, Table):
         return part.as_html()
+    if isinstance(part, Remark):
+        return f"<p><strong>{html.escape(part.opening)}</strong> {html.escape(part.text)}</p>"
     if isinstance(part, str):
         return f"<h2>{html.escape(part)}</h2>"
     data = base64.b64encode(part.path.read_bytes()).decode("ascii")

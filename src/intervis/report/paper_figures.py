@@ -236,7 +236,7 @@ def _draw_spectrum(
             _decibel(earlier.smooth_power[1:]),
             color=INK,
             linewidth=0.7,
-            linestyle="--",
+            linestyle=(0, (2, 4)),
         )
     smooth = _decibel(spectrum.smooth_power[1:])
     axes.set_ylim(smooth.min() - 25, smooth.max() + 12)
@@ -525,12 +525,13 @@ def _solid_axes(axes: Any, points: Float64Array, title: str) -> None:
     axes.set_title(title, y=1.0, pad=-6)
     axes.tick_params(labelsize=6, pad=-2)
     axes.locator_params(axis="z", nbins=4)
+    axes.zaxis.labelpad = -6
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_pane_color((0.96, 0.96, 0.97, 1.0))
 
 
 def _solid_bar(axes: Any, shown: Any, label: str) -> None:
-    bar = axes.figure.colorbar(shown, cax=axes.inset_axes((0.97, 0.2, 0.018, 0.6)))
+    bar = axes.figure.colorbar(shown, cax=axes.inset_axes((1.22, 0.15, 0.022, 0.65)))
     bar.set_label(label, fontsize=7.0)
     bar.ax.tick_params(labelsize=7.0)
     bar.outline.set_visible(False)

@@ -1,0 +1,72 @@
+"""``intervis reproduce``: the paper's tables and figures from one's own drive."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from intervis.cli import options
+from intervis.cli.run import CameraName, Source
+from intervis.cli.terminal import progress, show, tell
+
+
+def reproduce(
+    source: Source,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the report.")],
+    frame: Annotated[
+        int | None,
+        typer.Option("--frame", metavar="N", help="Frame number; the first without it."),
+    ] = None,
+    global_points: Annotated[
+        bool,
+        typer.Option(
+            "--global-points/--no-global-points",
+            help="Hold every return against every sight line, too (seconds a frame).",
+        ),
+    ] = True,
+    steady_frames: Annotated[
+        int,
+        typer.Option(
+            "--steady-frames", metavar="N", min=0, help="Frames over which steadiness is measured."
+        ),
+    ] = 8,
+    settings: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Settings of the method.")
+    ] = None,
+    camera: CameraName = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Change one setting; may be repeated."),
+    ] = None,
+) -> None:
+    """Write Tables 2 to 4 and Figures 3 to 10 of the paper, its values beside those measured."""
+    chosen = options.settings(settings, None, changes or [])
+
+    from intervis.drives import open_drive
+    from intervis.report.paper_report import make_folders, write_paper_report
+    from intervis.report.paper_tables import claims_table, table_2, table_4
+    from intervis.reproduction.drive_experiment import run_drive, steps_of_drive
+
+    drive = open_drive(source, camera=camera)
+    number = drive.frame_numbers[0] if frame is None else frame
+    make_folders(out)
+    steps = steps_of_drive(drive, number, with_global=global_points, steady_frames=steady_frames)
+    with progress("experiments", steps) as advance:
+        experiment = run_drive(
+            drive,
+            number,
+            chosen,
+            with_global=global_points,
+            steady_frames=steady_frames,
+            step=advance,
+        )
+    report = write_paper_report(drive, experiment, out)
+    for table in (
+        table_2(experiment.frame),
+        table_4(experiment.frame),
+        claims_table(experiment.claims),
+    ):
+        show(table.as_text() + "\n")
+    for note in (*experiment.notes, *([f"note: {report.missing}"] if report.missing else [])):
+        tell(note)
+    show(f"Report: {out / 'report.html'}")
