@@ -88,7 +88,9 @@ def write_whole(path: Path, write: Callable[[BinaryIO], None]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all, as `write_whole`."""
-    write_whole(path, lambda file: _write_bytes(file, text.encode("utf-8")))
+    # A file name that is no valid text may stand in it: it is shown escaped, not refused.
+    content = text.encode("utf-8", errors="backslashreplace")
+    write_whole(path, lambda file: _write_bytes(file, content))
 
 
 def _write_bytes(file: BinaryIO, content: bytes) -> None:

@@ -1,6 +1,7 @@
 """The command line: quick to start, one sentence for every mistake, exit codes that mean it."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -362,3 +363,21 @@ def test_a_killed_run_goes_on(tmp_path):
     assert len(list(out.glob("frames/*.npz"))) == 150
     assert not list(out.rglob("*.part"))
     assert all((out / "frames" / name).stat().st_mtime_ns == time for name, time in there.items())
+
+
+def test_names_that_no_terminal_can_show_are_escaped(tmp_path):
+    folder = os.fsencode(scan_folder(tmp_path / "drive")).replace(b"drive", b"dr\xefve")
+    os.rename(tmp_path / "drive", folder)
+    done = subprocess.run(
+        [*PROGRAM, "run", folder, "--out", str(tmp_path / "out")],
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert os.fsencode(summary["input"]["name"]) == b"dr\xefve"
+    missing = subprocess.run(
+        [*PROGRAM, "run", folder + b"x", "--out", str(tmp_path / "out")], capture_output=True
+    )
+    assert missing.returncode == 2
+    assert len(missing.stderr.splitlines()) == 1

@@ -1,5 +1,6 @@
 """The command line: thin, and it imports what a command needs only when the command runs."""
 
+import io
 import logging
 import sys
 from collections.abc import Sequence
@@ -8,6 +9,7 @@ from typing import Annotated
 import typer
 
 import intervis
+from intervis.cli import reproduce as _reproduce
 from intervis.cli import run as _run
 from intervis.cli import world as _world
 from intervis.cli.terminal import complain, show
@@ -52,12 +54,16 @@ def _root(
 
 
 app.command("run")(_run.run)
+app.command("reproduce")(_reproduce.reproduce)
 app.command("simulate")(_world.simulate)
 app.command("demo")(_world.demo)
 
 
 def main() -> None:
     """Entry point of the program ``intervis``."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a name that the terminal cannot show is escaped
+            stream.reconfigure(errors="backslashreplace")
     sys.exit(exit_code(sys.argv[1:]))
 
 

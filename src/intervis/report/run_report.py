@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     from intervis.stream import RunSummary
 
 PICTURES = {
-    "overview": ("Overview", "Camera, scan from above, and the mesh with what is intervisible."),
+    "overview": (
+        "Overview",
+        "What the camera and the scanner see, and what the method makes of it. Orange is the region"
+        " that it calls visible from the viewpoint (the star): triangles whose three corners are"
+        " intervisibility points and at least two of whose sides are intervisible edges.",
+    ),
     "camera": (
         "Field of view",
         "Returns that project into the camera's image (Eq. 1 and 2), coloured by range.",
