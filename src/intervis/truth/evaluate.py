@@ -192,7 +192,6 @@ def _held_out_questions(drive: Drive, pairs: Pairs, protocol: Protocol) -> Quest
             poses[j][:3, 3].copy(),
             transform(poses[i], scan_of(i)[judgement.index]),
             judgement.visible,
-            {},
         )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from intervis.arrays import BoolArray
 from intervis.truth.methods import OURS, Answers, Method
 from intervis.truth.question import Question
 from intervis.truth.scores import Scores, average, score
@@ -23,7 +24,7 @@ class Row:
     labels : list of str
         The questions, in order.
     scores : list of Scores
-        Over all targets of each question.
+        Over all targets of each question that count.
     parts : dict of str to list of Scores
         Over each kind of target, where questions tell kinds apart.
     seconds : list of (float, float)
@@ -59,12 +60,10 @@ class Row:
     def take(self, question: Question, answers: Answers) -> None:
         """Score the answers to one more question."""
         self.labels.append(question.label)
-        self.scores.append(score(question.visible, answers.probability, answers.state))
         self.seconds.append((answers.prepare_s, answers.answer_s))
+        self.scores.append(_scored(question, answers, question.counted))
         for part, rows in question.parts.items():
-            state = None if answers.state is None else answers.state[rows]
-            scores = score(question.visible[rows], answers.probability[rows], state)
-            self.parts.setdefault(part, []).append(scores)
+            self.parts.setdefault(part, []).append(_scored(question, answers, rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +81,7 @@ class Evaluation:
     questions : tuple of str
         Labels: ``i:j``, or ``frame from viewpoint``.
     points : int
-        Targets with a known answer, all questions together.
+        Targets with a known answer that count, all questions together.
     rows : tuple of Row
         Ours first.
     """
@@ -121,6 +120,15 @@ class Evaluation:
         }
 
 
+def _scored(question: Question, answers: Answers, rows: BoolArray | None) -> Scores:
+    chosen = slice(None) if rows is None else rows
+    return score(
+        question.visible[chosen],
+        answers.probability[chosen],
+        None if answers.state is None else answers.state[chosen],
+    )
+
+
 def run_questions(
     questions: Sequence[Question] | Any, methods: Sequence[Method], advance: Any
 ) -> tuple[list[Row], tuple[str, ...], int]:
@@ -129,11 +137,11 @@ def run_questions(
     labels, points = [], 0
     for question in questions:
         labels.append(question.label)
-        points += len(question.targets)
+        points += len(question.targets) if question.counted is None else question.counted.sum()
         for method, row in zip(methods, rows, strict=True):
             row.take(question, method.ask(question.seen, question.viewpoint, question.targets))
             advance(f"{question.label}, {method.name}, {method.setting}")
-    return rows, tuple(labels), points
+    return rows, tuple(labels), int(points)
 
 
 def _row_json(row: Row) -> dict[str, Any]:

@@ -5,8 +5,11 @@ What is asked, for one scan of the world at one moment:
 - *viewpoints* lie within 12 m of the sensor (uniform over the disc), 0.5 to 3 m over the ground,
   in the open, and 0.3 m or more from every surface;
 - *returns*: points of the scan, within 1 to 75 m of the viewpoint;
-- *free points*: uniform over the disc of 40 m around the sensor, 0.2 to 4 m over the ground, in
-  the open.
+- *free points*: on the scan's beams, somewhere between the sensor and 95 % of the range of a
+  return: space that the sensor found free;
+- points *anywhere*: uniform over the disc of 40 m around the sensor, 0.2 to 4 m over the ground, in
+  the open, whether or not any beam came near. They are scored apart: an honest answer about space
+  that no beam has entered is "unknown", and the coverage says how much of that there is.
 
 A point is in the open when a straight way leads from it to the sky: the inside of houses and cars
 is not asked about.
@@ -16,8 +19,8 @@ sight line first meets a triangle,
 
 - a return is *visible* when h is not before the last s of the line, for it lies on a surface, give
   or take the noise of its range; it is *occluded* when h is before the last 2 s;
-- a free point is *visible* when the line meets nothing at all before it; it is *occluded* when h is
-  before the last s;
+- any other point is *visible* when the line meets nothing at all before it; it is *occluded* when
+  h is before the last s;
 - what falls in between is not judged.
 """
 
@@ -33,7 +36,9 @@ from intervis.truth.rays import SegmentCaster
 from intervis.truth.rivals.seen import Seen
 
 VIEWPOINT_DISC_M, VIEWPOINT_HEIGHT_M = 12.0, (0.5, 3.0)
-FREE_DISC_M, FREE_HEIGHT_M = 40.0, (0.2, 4.0)
+ANYWHERE_DISC_M, ANYWHERE_HEIGHT_M = 40.0, (0.2, 4.0)
+BEAM_SHARE = (0.05, 0.95)
+"""Where on a beam free points lie, as a share of its range."""
 CLEARANCE_M = 0.3
 """No surface may be nearer to a viewpoint."""
 TARGET_RANGE_M = (1.0, 75.0)
@@ -55,7 +60,7 @@ class Sampling:
     Attributes
     ----------
     viewpoints : int
-    returns, free_points : int
+    returns, free_points, anywhere : int
         Targets of each kind and viewpoint, before those that are not judged are left out.
     seed : int
         The same seed asks the same questions.
@@ -64,6 +69,7 @@ class Sampling:
     viewpoints: int = 4
     returns: int = 4000
     free_points: int = 4000
+    anywhere: int = 2000
     seed: int = 0
 
 
@@ -86,8 +92,8 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = Non
     sampling = sampling or Sampling()
     rng = np.random.default_rng([sampling.seed, seen.asked])
     place = seen.numbers.index(seen.asked)
-    pose, scan = seen.poses[place], seen.scans[place]
-    returns_world = transform(pose, scan[finite_rows(scan), :3])
+    pose, raw = seen.poses[place], seen.scans[place]
+    scan = raw[finite_rows(raw), :3].astype(np.float64)
     viewpoints = _drawn(
         lambda count: _standing(
             caster, pose[:3, 3], VIEWPOINT_DISC_M, VIEWPOINT_HEIGHT_M, rng, count
@@ -95,25 +101,45 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = Non
         lambda points: in_the_open(caster, points) & _clear_around(caster, points),
         sampling.viewpoints,
     )
-    free = _drawn(
-        lambda count: _standing(caster, pose[:3, 3], FREE_DISC_M, FREE_HEIGHT_M, rng, count),
-        lambda points: in_the_open(caster, points),
-        sampling.free_points * len(viewpoints),
-    )
     for number, viewpoint in enumerate(viewpoints):
-        rows = rng.permutation(len(returns_world))[: sampling.returns]
-        targets = np.vstack([returns_world[rows], free[number :: len(viewpoints)]])
-        is_return = np.arange(len(targets)) < len(rows)
-        visible, occluded = truth(caster, viewpoint, targets, is_return)
+        kinds = _targets(scan, pose, caster, sampling, rng)
+        targets = np.vstack(list(kinds.values()))
+        kind = np.repeat(np.arange(len(kinds)), [len(points) for points in kinds.values()])
+        visible, occluded = truth(caster, viewpoint, targets, kind == 0)
         judged = visible | occluded
         yield Question(
-            f"{seen.asked} from {number}",
-            seen,
-            viewpoint,
-            targets[judged],
-            visible[judged],
-            {"returns": is_return[judged], "free points": ~is_return[judged]},
+            label=f"{seen.asked} from {number}",
+            seen=seen,
+            viewpoint=viewpoint,
+            targets=targets[judged],
+            visible=visible[judged],
+            parts={name: kind[judged] == place for place, name in enumerate(kinds)},
+            counted=kind[judged] != 2,
         )
+
+
+def _targets(
+    scan: Float64Array,
+    pose: Float64Array,
+    caster: SegmentCaster,
+    sampling: Sampling,
+    rng: np.random.Generator,
+) -> dict[str, Float64Array]:
+    """Random targets by kind, world frame; returns come first, points anywhere last."""
+    returns = scan[rng.permutation(len(scan))[: sampling.returns]]
+    beams = scan[rng.integers(0, len(scan), sampling.free_points)]
+    free = beams * rng.uniform(*BEAM_SHARE, len(beams))[:, None]
+    return {
+        "returns": transform(pose, returns),
+        "free points": transform(pose, free),
+        "anywhere": _drawn(
+            lambda count: _standing(
+                caster, pose[:3, 3], ANYWHERE_DISC_M, ANYWHERE_HEIGHT_M, rng, count
+            ),
+            lambda points: in_the_open(caster, points),
+            sampling.anywhere,
+        ),
+    }
 
 
 def truth(

@@ -1,7 +1,7 @@
 """Questions with known answers: what both truths ask, and every method answers."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from intervis.arrays import BoolArray, Float64Array
 from intervis.truth.rivals.seen import Seen
@@ -25,6 +25,8 @@ class Question:
         The truth.
     parts : dict of str to (K,) bool array
         Kinds of targets that are scored apart as well; may be empty.
+    counted : (K,) bool array or None
+        Targets that the scores of the whole are about; None for all.
     """
 
     label: str
@@ -32,7 +34,8 @@ class Question:
     viewpoint: Float64Array
     targets: Float64Array
     visible: BoolArray
-    parts: dict[str, BoolArray]
+    parts: dict[str, BoolArray] = field(default_factory=dict)
+    counted: BoolArray | None = None
 
 
 Questions = Iterator[Question]
