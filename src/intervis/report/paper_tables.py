@@ -167,9 +167,9 @@ def table_4(result: FrameExperiment) -> Table:
         (
             "method",
             *(
-                h
+                heading
                 for name in ("nodes", "ARR %", "TPI %", "DCP %", "time s")
-                for h in (name, "paper")
+                for heading in (name, f"{name.split()[0]} paper")
             ),
         ),
         tuple(rows),

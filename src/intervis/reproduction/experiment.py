@@ -124,7 +124,7 @@ class FrameExperiment:
 
 def steps_of_frame(*, with_global: bool) -> int:
     """How many units of work `run_frame` tells of."""
-    return len(SWEEP) + len(paper.TAUS) + 2 + with_global
+    return SWEEP_RUNS + len(paper.TAUS) + 2 + with_global
 
 
 def run_frame(
@@ -161,10 +161,13 @@ def run_frame(
 
     at(tau)  # compiles what is not compiled yet: no time below holds that
     step("kernels are ready")
-    sweep = {}
-    for granularity in SWEEP:
-        sweep[granularity] = _granularity([at(granularity) for _ in range(SWEEP_RUNS)], granularity)
-        step(f"tau {granularity}")
+    found: dict[int, list[Analysis]] = {granularity: [] for granularity in SWEEP}
+    for turn in range(SWEEP_RUNS):  # in turns: a pause of the machine meets one run of each
+        for granularity in SWEEP:
+            found[granularity].append(at(granularity))
+        step(f"granularities, turn {turn + 1} of {SWEEP_RUNS}")
+    sweep = {granularity: _granularity(runs, granularity) for granularity, runs in found.items()}
+    del found
     timed = {}
     for granularity in paper.TAUS:
         timed[granularity] = _timed(granularity, [at(granularity) for _ in range(paper.RUNS)])
