@@ -52,7 +52,7 @@ class Settings(BaseModel):
         way to the centroid of its subgraph.
     criterion : {"elevation", "sight_angle", "sight_line"}
         What lines 6 and 8 compare: elevations z (the paper), elevation angles seen from the
-        viewpoint, or, beyond the paper, ranges among the nodes that are nearest in angle.
+        viewpoint, or, beyond the paper, ranges among the returns that are nearest in angle.
 
     Raises
     ------

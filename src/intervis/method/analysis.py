@@ -220,6 +220,7 @@ def analyze(
         gate=settings.gate,
         concave_boundary=settings.concave_boundary,
         criterion=settings.criterion,
+        returns=in_view,
     )
     region = intervisible_region(mesh.triangles, mesh.edges, verdict.node, verdict.edge)
     tree = reachable_tree(

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
-from intervis.method.surface import nearest_neighbours
+from intervis.kernels import thread_count
 
 THETA_2_DEG = 90.0
 """The straight dihedral angle between the planes P_i and P_v of the MPCS."""
@@ -65,6 +66,7 @@ def apply_criteria(
     gate: str = "degree",
     concave_boundary: str = "every",
     criterion: str = "sight_angle",
+    returns: Float64Array | None = None,
 ) -> Verdict:
     """Algorithm 1 over all nodes at once.
 
@@ -83,6 +85,8 @@ def apply_criteria(
         l_gc: D from each node to the centroid of its subgraph; NaN where it has no triangle.
     gate, concave_boundary, criterion
         See `intervis.Settings`.
+    returns : (n_fov, 3) float64 array or None
+        All returns in view, for the criterion "sight_line"; None takes the nodes for them.
 
     Notes
     -----
@@ -110,7 +114,7 @@ def apply_criteria(
 
     # Lines 5 to 9, for neighbours farther than the centroid.
     if criterion == "sight_line":
-        seen = nearest_in_sight(points, viewpoint)
+        seen = in_sight(points, points if returns is None else returns, viewpoint)
         agrees = seen[source] & seen[target]
     else:
         agrees = mix_planes(points, viewpoint, source, target, criterion)
@@ -145,20 +149,38 @@ def mix_planes(
     return seen_over | seen_before
 
 
-def nearest_in_sight(points: Float64Array, viewpoint: Float64Array) -> BoolArray:
-    """(V,) nodes that no other node stands before: the criterion ``sight_line``.
+def in_sight(points: Float64Array, returns: Float64Array, viewpoint: Float64Array) -> BoolArray:
+    """(V,) nodes that no return stands before: the criterion ``sight_line``.
 
-    Not in the paper. A node is compared with the six nodes that are nearest to it in angle as seen
-    from P0, "the radian between points", instead of its neighbours on the ground: it is in sight
-    when none of them is nearer to P0 by more than 0.5 m and a tenth of the node's range.
+    Not in the paper. A node is compared with the seven returns that are nearest to its direction
+    as seen from P0 (itself and six more), nearest by "the radian between points" instead of over
+    the ground: it is in sight when none of them is nearer to P0 by more than 0.5 m and a tenth of
+    the node's range.
+
+    Parameters
+    ----------
+    points : (V, 3) float64 array
+        Nodes, metres.
+    returns : (n_fov, 3) float64 array
+        All returns in view, metres: what stands before a node need not be a node.
+    viewpoint : (3,) float64 array
     """
+    if len(points) == 0:
+        return np.zeros(0, bool)
+    range_m, direction = _polar(points, viewpoint)
+    return_range_m, return_direction = _polar(returns, viewpoint)
+    tree = cKDTree(return_direction, balanced_tree=False, compact_nodes=False)
+    beside = tree.query(direction, k=min(BESIDE + 1, len(returns)), workers=thread_count())[1]
+    nearest_m = return_range_m[beside].reshape(len(points), -1).min(axis=1)
+    clear: BoolArray = nearest_m >= range_m * (1 - BEFORE_SHARE) - BEFORE_M
+    return clear
+
+
+def _polar(points: Float64Array, viewpoint: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Range (V,) and unit direction (V, 3) from the viewpoint."""
     offset = points - viewpoint
-    range_m = np.linalg.norm(offset, axis=1)
-    direction = offset / np.where(range_m > 0, range_m, 1.0)[:, None]
-    beside = nearest_neighbours(direction)[:, :BESIDE]
-    before = range_m[beside] < (range_m * (1 - BEFORE_SHARE) - BEFORE_M)[:, None]
-    in_sight: BoolArray = ~before.any(axis=1)
-    return in_sight
+    range_m: Float64Array = np.linalg.norm(offset, axis=1)
+    return range_m, offset / np.where(range_m > 0, range_m, 1.0)[:, None]
 
 
 def shortest_radius(
