@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -348,21 +350,30 @@ def test_a_reader_who_leaves_is_no_error(drive, tmp_path):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["complete"] is True
 
 
-def test_a_killed_run_goes_on(tmp_path):
-    drive = scan_folder(tmp_path / "drive", tuple(range(150)))
+@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
+def test_a_run_that_was_stopped_goes_on(tmp_path, stop):
+    drive = scan_folder(tmp_path / "drive", tuple(range(80)))
     out = tmp_path / "out"
-    command = [*PROGRAM, "run", str(drive), "--out", str(out)]
+    # Whoever runs the tests in the background hands down an ignored SIGINT.
+    program = f"import signal; signal.signal(2, signal.default_int_handler); {PROGRAM[-1]}"
+    command = [*PROGRAM[:-1], program, "run", str(drive), "--out", str(out)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         while process.poll() is None and len(list(out.glob("frames/*.npz"))) < 3:
-            pass
-        process.kill()
+            time.sleep(0.001)
+        process.send_signal(stop)
+        err = process.communicate()[1].decode()
     there = {p.name: p.stat().st_mtime_ns for p in out.glob("frames/*.npz")}
-    if len(there) == 150:
-        pytest.skip("the run was over before it could be killed")
+    if len(there) == 80:
+        pytest.skip("the run was over before it could be stopped")
+    if stop == signal.SIGINT:
+        assert process.returncode == 130
+        assert "the same command goes on from where it stopped" in err
+        assert "Traceback" not in err
+        assert not list(out.rglob(".*"))
     assert subprocess.run(command, capture_output=True).returncode == 0
-    assert len(list(out.glob("frames/*.npz"))) == 150
-    assert not list(out.rglob("*.part"))
-    assert all((out / "frames" / name).stat().st_mtime_ns == time for name, time in there.items())
+    assert len(list(out.glob("frames/*.npz"))) == 80
+    assert not list(out.rglob(".*"))
+    assert all((out / "frames" / name).stat().st_mtime_ns == when for name, when in there.items())
 
 
 def test_names_that_no_terminal_can_show_are_escaped(tmp_path):

@@ -19,6 +19,7 @@ from intervis.report.style import (
     colour_bar,
     dots,
     legend_below,
+    mark_viewpoint,
     page_figure,
 )
 from intervis.results import write_whole
@@ -167,7 +168,7 @@ def draw_scan(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
     for nth, border in enumerate(_view_borders(frame, analysis, 3 * reach_m)):
         label = "_" if nth else "border of the view"
         axes.plot(border[:, 0], border[:, 1], color=INK, linewidth=0.8, label=label)
-    _mark_viewpoint(axes, analysis.viewpoint)
+    mark_viewpoint(axes, analysis.viewpoint)
     _top_view(axes, (-reach_m, reach_m), (-reach_m, reach_m))
     axes.set_title(f"Scan from above: {count:,} returns")
     colour_bar(axes, shown, "elevation z, m")
@@ -251,7 +252,7 @@ def draw_intervisibility(
     point = analysis.node_intervisible
     dots(axes, ground[~point], s=2 * size, color="#9aa1ab", zorder=3, label="other node")
     dots(axes, ground[point], s=3 * size, color=NODE, zorder=4, label="intervisibility point")
-    _mark_viewpoint(axes, analysis.viewpoint)
+    mark_viewpoint(axes, analysis.viewpoint)
     _top_view(axes, *_extent(ground, analysis.viewpoint, percent))
     axes.set_title(f"Intervisibility: {len(ground):,} nodes")
 
@@ -354,20 +355,6 @@ def _view_borders(frame: "Frame", analysis: "Analysis", far_m: float) -> list[Fl
         return []
     ends = [[np.cos(side), np.sin(side)] for side in (half_rad, -half_rad)]
     return [np.array([[0.0, 0.0], far_m * np.array(end)]) for end in ends]
-
-
-def _mark_viewpoint(axes: Any, viewpoint: Float64Array) -> None:
-    dots(
-        axes,
-        viewpoint[None, :2],
-        marker="*",
-        s=40,
-        color=INK,
-        edgecolor="white",
-        linewidths=0.4,
-        zorder=5,
-        label="viewpoint",
-    )
 
 
 def _top_view(axes: Any, x: tuple[float, float], y: tuple[float, float]) -> None:

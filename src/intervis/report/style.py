@@ -94,3 +94,9 @@ def legend_below(figure: "Figure", axes: Any) -> None:
 def dots(axes: Any, positions: Any, **look: Any) -> Any:
     """Borderless dots at (K, 2) positions."""
     return axes.scatter(positions[:, 0], positions[:, 1], **({"linewidths": 0} | look))
+
+
+def mark_viewpoint(axes: Any, viewpoint: Any) -> None:
+    """A star where one looks from, on a view from above."""
+    look = {"color": INK, "edgecolor": "white", "linewidths": 0.4, "zorder": 6}
+    dots(axes, viewpoint[None, :2], marker="*", s=40, label="viewpoint", **look)
