@@ -106,7 +106,7 @@ def _page(
     missing: str | None,
 ) -> Page:
     content = summarize(describe(drive, experiment.frame.settings, "camera"), [], [])
-    *numbers, claims = shown
+    *numbers, _ = shown  # the claims stand at the head, in words
     notes = [*experiment.notes, *([f"Note: {missing}"] if missing else [])]
     m = experiment.frame.ours.measures
     lead = (
@@ -117,9 +117,12 @@ def _page(
     parts: list[Picture | Table | Remark | str] = []
     if notes:
         parts += ["What is missing or different", *(Remark("–", note) for note in notes)]
-    parts += ["Claims", claims]
+    parts += ["Claims", tables.verdicts_table(experiment.claims)]
     parts += [
-        Remark(f"{claim.claim[0].upper()}{claim.claim[1:]}: {claim.verdict}.", claim.remark)
+        Remark(
+            f"{claim.claim[0].upper()}{claim.claim[1:]}: {claim.verdict}.",
+            f"Paper: {claim.paper}. Here: {claim.ours}. {claim.remark}",
+        )
         for claim in experiment.claims
     ]
     parts += ["Tables", *numbers]
