@@ -17,16 +17,17 @@ HEADINGS = (
     "gap",
     "answered",
     "MCC of these",
-    '"visible" right',
-    '"occluded" right',
-    "ms to prepare",
-    "ms to answer",
+    "visible ok",
+    "occluded ok",
+    "prepare",
+    "answer",
 )
 NOTE = (
     "MCC: every point answered, visible from a probability of 0.5 on. Gap: largest gap of the"
     " reliability plot, in bins with 1 % of the points or more. Answered: share that is not"
-    ' "unknown"; the three columns after it are about that share. Averages over the questions,'
-    " times are medians."
+    ' "unknown"; the next three columns are about these points: their MCC, and how often'
+    ' "visible" and "occluded" were right. Averages over the viewpoints; times are medians'
+    " for one viewpoint, ms (blank: part of the answer)."
 )
 
 
@@ -71,7 +72,7 @@ def _cells(name: str, scores: "Scores", row: "Row | None") -> tuple[str, ...]:
         _text(scores.mcc_answered, ".3f"),
         _text(scores.precision_visible, ".1%"),
         _text(scores.precision_occluded, ".1%"),
-        "" if row is None else _text(1e3 * row.prepare_s, ".0f"),
+        "" if row is None or row.prepare_s == 0 else _text(1e3 * row.prepare_s, ".0f"),
         "" if row is None else _text(1e3 * row.answer_s, ".0f"),
     )
 

@@ -1,0 +1,169 @@
+"""``intervis evaluate``: how often the sight lines are right."""
+
+import json
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from intervis.cli.terminal import progress, show
+from intervis.errors import OutputError
+
+if TYPE_CHECKING:
+    from intervis.drives import Drive
+    from intervis.truth.evaluation import Evaluation
+    from intervis.truth.pairs import Pairs
+    from intervis.truth.protocols import Protocol
+
+STREET, STREET_FRAMES = "street", 24
+"""Name of the built-in world as a source, and how many frames of it are made."""
+
+
+def evaluate(
+    source: Annotated[
+        str, typer.Argument(help="A drive with poses, or 'street': the built-in world.")
+    ],
+    pairs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="I:J,...",
+            help="Frame numbers: scan I is asked about from the pose of J, and scan J judges."
+            " Without it: pairs 4 to 16 m apart.",
+        ),
+    ] = None,
+    protocol: Annotated[
+        str,
+        typer.Option(
+            metavar="single|past|map",
+            help="What may be seen: scan I; all scans up to I; all taken 2 m or more from J.",
+        ),
+    ] = "single",
+    rivals: Annotated[
+        bool, typer.Option("--rivals", help="Ask today's tools as well, at several settings.")
+    ] = False,
+    every_setting: Annotated[
+        bool, typer.Option("--every-setting", help="Show every setting, not the best ones alone.")
+    ] = False,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write everything measured.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw the reliability plot.")
+    ] = None,
+) -> None:
+    """Measure how often sight lines are right, against held-out returns and exact worlds.
+
+    A scan that the method never sees says what was visible from where it was taken. Where SOURCE
+    is a simulated drive, rays cast at its known triangles say so, too.
+    """
+    from intervis.truth.pairs import parsed_pairs
+    from intervis.truth.protocols import checked_protocol
+
+    known, asked = checked_protocol(protocol), parsed_pairs(pairs) if pairs is not None else None
+    for path in (json_file, plot):
+        _check_folder(path)
+    with _opened(source) as drive:
+        evaluations = _evaluations(drive, asked, known, rivals)
+        identity = drive.identity()
+    _show(evaluations, every_setting)
+    if json_file is not None:
+        _write_json(json_file, identity, evaluations)
+        show(f"Measured: {json_file}")
+    if plot is not None:
+        from intervis.report.reliability import save_reliability
+
+        save_reliability(evaluations, plot)
+        show(f"Picture: {plot}")
+
+
+@contextmanager
+def _opened(source: str) -> "Iterator[Drive]":
+    from intervis.drives import open_drive
+
+    if source != STREET or Path(source).exists():
+        yield open_drive(source)
+        return
+    from intervis.worlds import simulate
+
+    with tempfile.TemporaryDirectory() as folder:
+        with progress("simulation", STREET_FRAMES) as advance:
+            drive = simulate(
+                folder,
+                frames=STREET_FRAMES,
+                images=False,
+                progress=lambda done, total: advance(f"{done} of {total}"),
+            )
+        yield open_drive(drive)
+
+
+def _evaluations(
+    drive: "Drive", pairs: "Pairs | None", protocol: "Protocol", rivals: bool
+) -> "list[Evaluation]":
+    from intervis.truth.evaluate import (
+        chosen_pairs,
+        evaluate_held_out,
+        evaluate_world,
+        methods_for,
+        world_frames,
+    )
+    from intervis.truth.exact import Sampling
+    from intervis.worlds import load_world
+
+    methods, sampling = methods_for(protocol, rivals=rivals), Sampling()
+    chosen = chosen_pairs(drive, pairs)
+    world = load_world(drive.root) if (drive.root / "world.npz").is_file() else None
+    viewpoints = len(chosen)
+    if world is not None:
+        viewpoints += len(world_frames(drive, None)) * sampling.viewpoints
+    with progress("answers", viewpoints * len(methods)) as advance:
+        found = [
+            evaluate_held_out(
+                drive, pairs=chosen, protocol=protocol, methods=methods, progress=advance
+            )
+        ]
+        if world is not None:
+            found.append(
+                evaluate_world(
+                    drive,
+                    lambda number: world.triangles_at_frame(number)[0],
+                    protocol=protocol,
+                    sampling=sampling,
+                    methods=methods,
+                    progress=advance,
+                )
+            )
+    return found
+
+
+def _show(evaluations: "list[Evaluation]", every_setting: bool) -> None:
+    from intervis.report.accuracy import accuracy_table, questions_table
+
+    for evaluation in evaluations:
+        show(accuracy_table(evaluation, every_setting=every_setting).as_text() + "\n")
+        show(questions_table(evaluation).as_text() + "\n")
+
+
+def _write_json(path: Path, identity: dict[str, Any], evaluations: "list[Evaluation]") -> None:
+    import intervis
+    from intervis.results import write_text
+
+    content = {
+        "schema": 1,
+        "intervis": intervis.__version__,
+        "drive": identity,
+        "evaluations": [evaluation.to_json() for evaluation in evaluations],
+    }
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def _check_folder(path: Path | None) -> None:
+    """Complain before the work, not after it."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise OutputError(f"{path} is a folder: name a file.")
+    if not path.parent.is_dir():
+        raise OutputError(f"cannot write {path}: there is no folder {path.parent}.")
