@@ -82,4 +82,5 @@ class Camera:
     @property
     def centre_cam(self) -> Float64Array:
         """(3,) the camera's own centre in rectified coordinates: where the projection is 0."""
-        return -np.linalg.solve(self.projection[:, :3], self.projection[:, 3])
+        solved = np.linalg.solve(self.projection[:, :3], self.projection[:, 3])
+        return np.asarray(-solved, dtype=np.float64)
