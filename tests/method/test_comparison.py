@@ -169,6 +169,16 @@ def test_bad_requests_say_what_is_wrong():
         interpolation_points(street(0, 5), gap_m=-1.0)
 
 
+def test_a_line_walks_on_over_slivers():
+    # Three returns on one line 1e-9 m off it make a triangle without area; a wall lies beyond it.
+    fan = [[20.0, y, -1.7] for y in (-3.0, -1.0, 1.0, 3.0)]
+    sliver = [[12.0, -1.0, -1.7], [12.0 + 1e-9, 0.1, -1.7], [12.0, 1.0, -1.7]]
+    wall = [[8.0, y, 1.0] for y in (-3.0, 0.0, 3.0)]
+    result = interpolation_points(np.array(fan + sliver + wall + [[4.0, 0.2, -1.7]]))
+    assert (result.obstacles[:7] > 0).all()
+    assert result.node_intervisible[7:].all()
+
+
 @pytest.mark.realdata
 def test_no_hole_lets_a_line_through_on_a_real_frame(shared_data):
     """A walk ends at P0 or at the hull, so its crossings are all there are."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import Delaunay, QhullError
 
 from intervis.arrays import (
     BoolArray,
@@ -34,7 +35,7 @@ from intervis.method.analysis import (
 )
 from intervis.method.criteria import NOT_REACHED, ROOT, intervisible_region
 from intervis.method.measures import measure
-from intervis.method.mesh import Mesh, build_mesh
+from intervis.method.mesh import Mesh, build_mesh, signed_area, unique_edges
 from intervis.settings import Settings
 
 CORRIDOR_M = 0.1
@@ -134,7 +135,7 @@ def global_points(
     clock.lap("sampling")
     chart = np.ascontiguousarray((position - origin)[:, :2])
     clock.lap("S1")
-    mesh = build_mesh(chart)
+    mesh = _sheet(chart).mesh
     clock.lap("S2")
     obstacles = _obstacles_among_all(position - origin, corridor_m, gap_m)
     return _result("global points", raw, origin, nodes, mesh, obstacles, len(nodes) ** 2, clock)
@@ -194,15 +195,15 @@ def interpolation_points(
     clock.lap("sampling")
     chart = np.ascontiguousarray((position - origin)[:, :2])
     clock.lap("S1")
-    mesh = build_mesh(chart)
+    sheet = _sheet(chart)
     clock.lap("S2")
-    obstacles, crossings = _obstacles_on_surface(position - origin, mesh, gap_m)
+    obstacles, crossings = _obstacles_on_surface(position - origin, sheet, gap_m)
     return _result(
         "interpolation points",
         raw,
         origin,
         in_view,
-        mesh,
+        sheet.mesh,
         obstacles,
         int(crossings.sum()),
         clock,
@@ -325,126 +326,161 @@ def _count_over(
             obstacles[i] += count
 
 
+@dataclass(frozen=True, eq=False)
+class _Sheet:
+    """A triangulated surface that lines can be followed over: the whole hull, without a hole.
+
+    Unlike `build_mesh` it keeps slivers without area: a line that meets one walks on.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    beyond : (F, 3) int64 array
+        The triangle across the edge opposite to each corner, or -1 at the hull.
+    corners, first : (3 F,) and (V + 1,) int64 arrays
+        Corners 3 f + k where node i sits: corners[first[i]:first[i + 1]].
+    place : (V,) int64 array
+        The node itself, or the node of the mesh that a copy of its position coincides with.
+    """
+
+    mesh: Mesh
+    beyond: IntArray
+    corners: IntArray
+    first: IntArray
+    place: IntArray
+
+
+def _sheet(chart: Float64Array) -> _Sheet:
+    """Triangulate chart positions; positions on one line give a chain without triangles."""
+    nodes = len(chart)
+    extent = float(np.ptp(chart, axis=0).max())
+    try:
+        if nodes < 3 or extent == 0:
+            raise QhullError
+        found = Delaunay((chart - chart.mean(axis=0)) / extent)
+    except QhullError:
+        nothing = np.empty(0, np.int64)
+        first = np.zeros(nodes + 1, np.int64)
+        return _Sheet(build_mesh(chart), nothing.reshape(0, 3), nothing, first, np.arange(nodes))
+    triangles = found.simplices.astype(np.int64)
+    area = np.abs(signed_area(chart, triangles))
+    corners = np.argsort(triangles.ravel(), kind="stable")
+    place = np.arange(nodes)
+    copies = found.coplanar.astype(np.int64)
+    place[copies[:, 0]] = copies[:, 2]
+    return _Sheet(
+        mesh=Mesh(triangles, area, unique_edges(triangles, nodes)),
+        beyond=found.neighbors.astype(np.int64),
+        corners=corners,
+        first=np.searchsorted(triangles.ravel()[corners], np.arange(nodes + 1)),
+        place=place,
+    )
+
+
 def _obstacles_on_surface(
-    offset: Float64Array, mesh: Mesh, gap_m: float
+    offset: Float64Array, sheet: _Sheet, gap_m: float
 ) -> tuple[IntArray, IntArray]:
     """(V,) crossings above each sight line, and crossings in all."""
     obstacles = np.zeros(len(offset), np.int64)
     crossings = np.zeros(len(offset), np.int64)
-    if len(mesh.triangles) == 0:
-        return obstacles, crossings
-    across = _neighbours_across(mesh.triangles, len(offset))
-    corners, first = _corners_of_nodes(mesh.triangles, offset)
 
     def work(start: int, stop: int) -> None:
         _walk(
-            offset, mesh.triangles, across, corners, first, gap_m, start, stop, obstacles, crossings
+            offset,
+            sheet.mesh.triangles,
+            sheet.beyond,
+            sheet.corners,
+            sheet.first,
+            sheet.place,
+            gap_m,
+            start,
+            stop,
+            obstacles,
+            crossings,
         )
 
     in_parts(work, len(offset), least=256)
     return obstacles, crossings
 
 
-def _neighbours_across(triangles: IntArray, nodes: int) -> IntArray:
-    """(F, 3) half edge that lies on the other side of each triangle's edge k to k + 1, or -1.
-
-    Half edge 3 f + k leads from corner k of triangle f to its next corner.
-    """
-    start, stop = triangles, np.roll(triangles, -1, axis=1)
-    key = (np.minimum(start, stop) * nodes + np.maximum(start, stop)).ravel()
-    order = np.argsort(key, kind="stable")
-    pair = np.flatnonzero(key[order[:-1]] == key[order[1:]])
-    across = np.full(len(key), -1)
-    across[order[pair]] = order[pair + 1]
-    across[order[pair + 1]] = order[pair]
-    return across.reshape(-1, 3)
-
-
-def _corners_of_nodes(triangles: IntArray, offset: Float64Array) -> tuple[IntArray, IntArray]:
-    """Corners 3 f + k where each node sits: corners[first[i]:first[i + 1]] for node i.
-
-    A node that the mesh left out as a copy of another position takes the corners of that one.
-    """
-    nodes = len(offset)
-    corner = np.argsort(triangles.ravel(), kind="stable")
-    first = np.searchsorted(triangles.ravel()[corner], np.arange(nodes + 1))
-    bare = np.flatnonzero(first[1:] == first[:-1])
-    if len(bare) == 0:
-        return corner, first
-    same = np.unique(offset[:, :2], axis=0, return_inverse=True)[1].ravel()
-    stand_in = np.arange(nodes)
-    held = np.setdiff1d(np.arange(nodes), bare)
-    of_position = np.full(same.max() + 1, -1)
-    of_position[same[held]] = held
-    found = of_position[same[bare]]
-    stand_in[bare] = np.where(found >= 0, found, bare)
-    counts = (first[1:] - first[:-1])[stand_in]
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    flat = np.repeat(first[stand_in] - starts[:-1], counts) + np.arange(starts[-1])
-    return corner[flat], starts
-
-
 @kernel
 def _walk(
     offset: Float64Array,
     triangles: IntArray,
-    across: IntArray,
+    beyond: IntArray,
     corners: IntArray,
     first: IntArray,
+    place: IntArray,
     gap_m: float,
     start: int,
     stop: int,
     obstacles: IntArray,
     crossings: IntArray,
 ) -> None:
-    """Follow the lines from the targets [start, stop) to P0, the origin, from edge to edge."""
+    """Follow the lines from the targets [start, stop) to P0, the origin, from edge to edge.
+
+    Each edge on the way has one end to the right of the line (or on it) and one to the left, and
+    each triangle has two such edges or none, so a walk never comes back to a triangle.
+    """
     for i in range(start, stop):
         x, y, z = offset[i]
         reach = np.hypot(x, y)
-        half_edge = _first_crossed(offset, triangles, corners, first, i)
-        for _ in range(triangles.shape[0]):
-            if half_edge < 0:
-                break
-            a = triangles[half_edge // 3, half_edge % 3]
-            b = triangles[half_edge // 3, (half_edge + 1) % 3]
-            side_a = _side(offset, i, a)
-            share = side_a / (side_a - _side(offset, i, b))
-            cross_x = offset[a, 0] + share * (offset[b, 0] - offset[a, 0])
-            cross_y = offset[a, 1] + share * (offset[b, 1] - offset[a, 1])
-            cross_z = offset[a, 2] + share * (offset[b, 2] - offset[a, 2])
-            left = (cross_x * x + cross_y * y) / (reach * reach)  # 1 at the target, 0 at P0
-            if left <= 0.0:
-                break
-            if (1.0 - left) * reach > gap_m:
+        triangle, opposite = _entered(offset, triangles, corners, first, place[i])
+        while triangle >= 0:
+            right = triangles[triangle, (opposite + 1) % 3]
+            left = triangles[triangle, (opposite + 2) % 3]
+            if _side(offset, place[i], right) > 0.0:
+                right, left = left, right
+            share_home, height = _crossing(offset, place[i], right, left)
+            if share_home <= 0.0:
+                break  # beyond P0
+            if (1.0 - share_home) * reach > gap_m:
                 crossings[i] += 1
-                if cross_z > left * z:
+                if height > share_home * z:
                     obstacles[i] += 1
-            twin = across[half_edge // 3, half_edge % 3]
-            if twin < 0:
-                break
-            # The triangle beyond: the line leaves it on the side that its third corner is not on.
-            triangle = twin // 3
-            third = (twin + 2) % 3
-            if _side(offset, i, triangles[triangle, third]) > 0.0:
-                half_edge = 3 * triangle + (twin + 1) % 3
-            else:
-                half_edge = 3 * triangle + third
+            triangle = beyond[triangle, opposite]
+            if triangle < 0:
+                break  # the surface ends here
+            third = 0
+            while triangles[triangle, third] == right or triangles[triangle, third] == left:
+                third += 1
+            leaves = left if _side(offset, place[i], triangles[triangle, third]) > 0.0 else right
+            opposite = 0
+            while triangles[triangle, opposite] != leaves:
+                opposite += 1
 
 
 @kernel
-def _first_crossed(
+def _entered(
     offset: Float64Array, triangles: IntArray, corners: IntArray, first: IntArray, i: int
-) -> np.int64:
-    """The edge opposite to node i in the triangle of its star that the line to P0 enters, or -1."""
-    if offset[i, 0] == 0.0 and offset[i, 1] == 0.0:
-        return np.int64(-1)
-    for c in range(first[i], first[i + 1]):
-        triangle, k = corners[c] // 3, corners[c] % 3
-        a = triangles[triangle, (k + 1) % 3]
-        b = triangles[triangle, (k + 2) % 3]
-        if _side(offset, i, a) <= 0.0 and _side(offset, i, b) > 0.0:
-            return np.int64(3 * triangle + (k + 1) % 3)
-    return np.int64(-1)
+) -> tuple[int, int]:
+    """The triangle of node i's star that the line to P0 enters, and i's corner in it, or -1."""
+    if offset[i, 0] != 0.0 or offset[i, 1] != 0.0:
+        for c in range(first[i], first[i + 1]):
+            triangle, k = corners[c] // 3, corners[c] % 3
+            a = triangles[triangle, (k + 1) % 3]
+            b = triangles[triangle, (k + 2) % 3]
+            if (_side(offset, i, a) > 0.0) != (_side(offset, i, b) > 0.0):
+                share_home, _ = _crossing(offset, i, a, b)
+                if share_home < 1.0:
+                    return triangle, k
+    return -1, -1
+
+
+@kernel
+def _crossing(offset: Float64Array, i: int, a: int, b: int) -> tuple[float, float]:
+    """Where the line from node i to P0 crosses the edge from a to b, which straddles it.
+
+    Returns the share of the way that is still ahead (1 at node i, 0 at P0), and the elevation
+    interpolated on the edge.
+    """
+    side_a = _side(offset, i, a)
+    along = side_a / (side_a - _side(offset, i, b))
+    x = offset[a, 0] + along * (offset[b, 0] - offset[a, 0])
+    y = offset[a, 1] + along * (offset[b, 1] - offset[a, 1])
+    height = offset[a, 2] + along * (offset[b, 2] - offset[a, 2])
+    square = offset[i, 0] * offset[i, 0] + offset[i, 1] * offset[i, 1]
+    return (x * offset[i, 0] + y * offset[i, 1]) / square, height
 
 
 @kernel

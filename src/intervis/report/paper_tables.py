@@ -120,7 +120,7 @@ def table_3_ten_runs(result: FrameExperiment) -> Table:
         (*headings, "sample std", "STD paper"),
         tuple(rows),
         (
-            "A... are means of ten runs. The sample standard deviation of TIME divides by 9; it is the"
+            "A...: mean of ten runs. The sample standard deviation of TIME divides by 9; it is the"
             " paper's STD, which is printed there in hundredths of a second. Its VAR is the same"
             " with a division by 10.",
         ),
