@@ -154,13 +154,20 @@ def steadiness(
 
 def ground_region(result: Analysis, world_from_velo: Float64Array) -> GroundRegion:
     """A frame's mesh and region, moved to the world and drawn on its ground grid."""
-    ground = transform(world_from_velo, result.node_points)[:, :2] / CELL_M
-    if len(result.triangles) == 0:
+    return draw_region(result.node_points, result.triangles, result.region, world_from_velo)
+
+
+def draw_region(
+    points: Float64Array, triangles: IntArray, region: BoolArray, world_from_velo: Float64Array
+) -> GroundRegion:
+    """A mesh of (V, 3) points and its region, moved to the world and drawn on its ground grid."""
+    ground = transform(world_from_velo, points)[:, :2] / CELL_M
+    if len(triangles) == 0:
         return GroundRegion(np.zeros(2, np.int64), np.zeros((1, 1), np.int8))
     corner = np.floor(ground.min(axis=0)).astype(np.int64)
     size = np.ceil(ground.max(axis=0)).astype(np.int64) - corner + 1
     cells = np.zeros((int(size[0]), int(size[1])), np.int8)
-    _draw(ground - corner, result.triangles, result.region, cells)
+    _draw(ground - corner, triangles, region, cells)
     return GroundRegion(corner, cells)
 
 
