@@ -1,0 +1,35 @@
+"""Line of sight through observed space.
+
+`Scene` remembers scans and answers who sees whom with visible, occluded or unknown; what these
+mean is written in `intervis.sight.evidence`.
+"""
+
+from intervis.sight.scene import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
+from intervis.sight.sensor import (
+    GENERIC,
+    HDL_32E,
+    HDL_64E,
+    OS1_128,
+    SENSORS,
+    VLP_16,
+    Sensor,
+    sensor_named,
+    sensor_of_scan,
+)
+
+__all__ = [
+    "GENERIC",
+    "HDL_32E",
+    "HDL_64E",
+    "OCCLUDED",
+    "OS1_128",
+    "SENSORS",
+    "UNKNOWN",
+    "VISIBLE",
+    "VLP_16",
+    "Scene",
+    "Sensor",
+    "Sight",
+    "sensor_named",
+    "sensor_of_scan",
+]

@@ -1,0 +1,105 @@
+"""The meaning of the three answers: from what scans saw along a line to "visible".
+
+A sight line is judged at marks, one every `MARK_M` at most, midway in equal pieces of the line;
+pieces that end within `END_M` of either end are left out, for the ends may lie on surfaces.
+
+At a mark, each of the nearest scans of the scene says how deep the mark lies behind the surface
+that it saw in that direction (`chart`): the depth d = rho(mark) - rho(surface), metres.
+
+    d << 0      a beam went through here and on: free
+    d near 0    here is the surface itself
+    d > 0       behind the surface: hidden from that scan, more likely solid the nearer
+    no surface  no beam, or none came back: that scan has no say
+
+The scans' say is summed with weights (`scan_weights`) to the log-odds that the mark is filled,
+beside what the height above ground alone makes of it:
+
+    odds = height_odds(h) + sum_k weight_k depth_odds(d_k)
+
+and a filled mark stops the line with `RATE_PER_M` per metre. The line's probability is
+
+    P(visible) = exp(-(NOISE + sum over marks of RATE_PER_M * length / (1 + exp(-odds))))
+
+and its state, with `seen` the part of that exponent from marks within reach of a seen surface
+(-0.2 m <= d <= 1.3 m for some scan), and `unknown` the length of marks that no scan saw (neither
+free nor within that reach):
+
+    visible  (1)   P >= VISIBLE_FROM and unknown <= UNKNOWN_M
+    occluded (0)   P < OCCLUDED_BELOW and exp(-seen) < OCCLUDED_BELOW + SEEN_SLACK
+    unknown (-1)   everything else
+
+All of it is even in the two ends: the answer for (a, b) is the answer for (b, a).
+
+The numbers were fitted by maximum likelihood to held-out returns (`intervis.truth`) of eight
+pairs of a public KITTI drive, smoothness demanded, and hold on other pairs and drives as
+`docs/accuracy.md` reports.
+"""
+
+import numpy as np
+
+from intervis.arrays import Float64Array
+
+MARK_M = 0.2
+END_M = 0.4
+SCANS = 6
+"""So many scans have a say about one line: those nearest to one of its ends."""
+FADE = 0.6
+"""Each further scan's say is this share of the one before."""
+RATE_PER_M = 1.31
+NOISE = 2e-3
+VISIBLE_FROM = 0.85
+OCCLUDED_BELOW = 0.4
+UNKNOWN_M = 3.0
+SEEN_SLACK = 0.2
+SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
+
+DEPTH_M = np.array([-4, -1.5, -0.7, -0.3, -0.1, 0.1, 0.3, 0.6, 1, 1.6, 2.5, 4, 7, 12, 20])
+SOLID_ODDS = np.array(
+    [-2.08, -0.51, -1, 0.24, 3.59, 6.84, 8, 6.82, 4.05, 1.89, 1.12, 1.48, 1.65, 0.88, -0.24]
+)
+SCATTER_ODDS = np.array(
+    [-2.91, -1.48, -0.46, 0.48, 1.47, 2.33, 2.76, 2.66, 2.08, 1.19, 0.65, 0.52, 0.37, -0.14, -0.98]
+)
+HEIGHT_M = np.array([-0.3, 0.1, 0.4, 0.8, 1.2, 1.6, 2, 2.6, 3.5, 6])
+HEIGHT_ODDS = np.array([-5, -4.51, -3.99, -3.85, -3.55, -4.42, -5.48, -5.86, -6.62, -7.36])
+
+TABLE_STEP_M = 0.05
+DEPTH_TABLE_FROM_M, HEIGHT_TABLE_FROM_M = -4.0, -0.5
+
+
+def scan_weights(count: int) -> Float64Array:
+    """Weights (count,) of the scans' say, nearest first.
+
+    Scans that look at the same place repeat each other's errors: the sum grows with the root of
+    what independent scans would have.
+
+    Examples
+    --------
+    >>> scan_weights(1), scan_weights(2).round(2)
+    (array([1.]), array([0.79, 0.47]))
+    """
+    fading = FADE ** np.arange(count)
+    return np.asarray(fading / np.sqrt(fading.sum()))
+
+
+def depth_odds(depth_m: Float64Array, solid: bool = True) -> Float64Array:
+    """Log-odds that a mark at that depth behind a seen surface is filled."""
+    return np.asarray(np.interp(depth_m, DEPTH_M, SOLID_ODDS if solid else SCATTER_ODDS))
+
+
+def height_odds(height_m: Float64Array) -> Float64Array:
+    """Log-odds that a mark so high above the ground is filled, no scan having a say."""
+    return np.asarray(np.interp(height_m, HEIGHT_M, HEIGHT_ODDS))
+
+
+def _table(start: float, knots: Float64Array, values: Float64Array) -> Float64Array:
+    """Values at the middles of steps of TABLE_STEP_M from `start` to past the last knot."""
+    count = int(np.ceil((knots[-1] - start) / TABLE_STEP_M)) + 1
+    middles = start + (np.arange(count) + 0.5) * TABLE_STEP_M
+    return np.asarray(np.interp(middles, knots, values))
+
+
+SOLID_TABLE = _table(DEPTH_TABLE_FROM_M, DEPTH_M, SOLID_ODDS)
+SCATTER_TABLE = _table(DEPTH_TABLE_FROM_M, DEPTH_M, SCATTER_ODDS)
+HEIGHT_TABLE = _table(HEIGHT_TABLE_FROM_M, HEIGHT_M, HEIGHT_ODDS)
+"""The three curves in steps of 5 cm: what engine and oracle read, so that they agree exactly."""

@@ -1,0 +1,320 @@
+"""A scene: what one scan or many posed scans say about who sees whom."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from intervis.arrays import (
+    Float64Array,
+    FloatArray,
+    IntArray,
+    checked_point,
+    checked_points,
+    finite_rows,
+)
+from intervis.errors import PointsError, SceneError, SettingsError
+from intervis.sight.chart import chart_of
+from intervis.sight.engine import Memory, judge_lines
+from intervis.sight.evidence import OCCLUDED_BELOW, SEEN_SLACK, UNKNOWN_M, VISIBLE_FROM
+from intervis.sight.meeting import meet_surfaces
+from intervis.sight.memory import ScanMemory
+from intervis.sight.sensor import Sensor, sensor_named, sensor_of_scan
+from intervis.transform import checked_pose
+
+VISIBLE, OCCLUDED, UNKNOWN = 1, 0, -1
+LINES_AT_ONCE = 1 << 17
+"""Lines are judged in chunks of so many: about 15 MB of working memory each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Answers for sight lines; every array has the lines' shape, (M,) or (N, M).
+
+    Attributes
+    ----------
+    state : int8 array
+        1 visible, 0 occluded, -1 unknown (see `intervis.sight.evidence`).
+    probability : float64 array
+        Of being visible, calibrated on held-out returns; NaN where an end of the line was not
+        finite or the line was longer than asked for.
+    blocker : (..., 3) float64 array
+        Where an occluded line meets the surface that most likely blocks it, scene frame, metres;
+        NaN for the other states. The same place whichever end is the viewpoint.
+    clearance : float64 array
+        Metres. Of a line not occluded: the least gap between the marks in free space and the
+        surface behind them, along the beam of a scan, or their height above ground if that is
+        less; inf where nothing is known beside the line. Of an occluded line: minus the shift,
+        up, down or sideways, that would bring it past the blocking surface.
+    """
+
+    state: NDArray[np.int8]
+    probability: Float64Array
+    blocker: Float64Array
+    clearance: Float64Array
+
+
+class Scene:
+    """Observed space: a bounded memory of posed scans that answers sight lines.
+
+    Parameters
+    ----------
+    sensor : Sensor, str or None
+        The sensor, or the name of a preset (`intervis.sight.SENSORS`); None derives field of
+        view, beam spacing and range from each scan.
+    most_scans, most_bytes : int
+        Bounds of the memory; the oldest and farthest scan goes first.
+
+    Examples
+    --------
+    A wall 10 m ahead; behind it nothing is known, before it everything is seen:
+
+    >>> y, z = np.meshgrid(np.arange(-5, 5, 0.04), np.arange(-1.5, 1.5, 0.06))
+    >>> wall = np.stack([np.full(y.size, 10.0), y.ravel(), z.ravel()], axis=1)
+    >>> scene = Scene.from_scan(wall)
+    >>> sight = scene.sight([0.0, 0.0, 0.0], [[9.0, 1.0, 0.0], [30.0, 1.0, 0.0], [-9.0, 0, 0]])
+    >>> sight.state
+    array([ 1,  0, -1], dtype=int8)
+    >>> sight.blocker[1].round(1)
+    array([10. ,  0.3,  0. ])
+    """
+
+    def __init__(
+        self,
+        *,
+        sensor: Sensor | str | None = None,
+        most_scans: int = 64,
+        most_bytes: int = 1 << 28,
+    ) -> None:
+        self.sensor = sensor_named(sensor) if isinstance(sensor, str) else sensor
+        self._memory = ScanMemory(most_scans, most_bytes)
+
+    @classmethod
+    def from_scan(
+        cls, points: ArrayLike, pose: ArrayLike | None = None, sensor: Sensor | str | None = None
+    ) -> Self:
+        """A scene of one scan; see `add`."""
+        scene = cls(sensor=sensor)
+        scene.add(points, pose)
+        return scene
+
+    def __len__(self) -> int:
+        return len(self._memory)
+
+    @property
+    def bytes(self) -> int:
+        """Memory that the remembered scans take."""
+        return self._memory.bytes
+
+    @property
+    def poses(self) -> Float64Array:
+        """(S, 4, 4) poses of the scans remembered, oldest first."""
+        return self._memory.poses
+
+    def add(self, points: ArrayLike, pose: ArrayLike | None = None) -> None:
+        """Remember a scan; non-finite returns are left out.
+
+        Parameters
+        ----------
+        points : (N, 3) or (N, 4) float32 or float64 array
+            In the sensor's frame: sensor at the origin, x forward, y left, z up, metres.
+        pose : (4, 4) array or None
+            world_from_velo: the scene's frame is the world's. None: it is the sensor's.
+
+        Raises
+        ------
+        PointsError
+            Wrong shape or type.
+        PoseError
+            No rigid motion.
+        """
+        xyz = checked_points(np.asarray(points))
+        scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
+        finite = finite_rows(xyz)
+        kept = xyz if finite.all() else xyz[finite]
+        sensor = sensor_of_scan(kept) if self.sensor is None else self.sensor
+        self._memory.add(chart_of(kept, sensor), scene_from_sensor)
+
+    def sight(
+        self, viewpoint: ArrayLike, targets: ArrayLike, *, max_range_m: float | None = None
+    ) -> Sight:
+        """Which targets are visible from a viewpoint, or from each of many.
+
+        Parameters
+        ----------
+        viewpoint : (3,) or (N, 3) array
+            Metres, scene frame.
+        targets : (M, 3) array
+            Metres, scene frame. A target that is not finite is unknown.
+        max_range_m : float or None
+            Longer lines are not judged: unknown, probability NaN.
+
+        Returns
+        -------
+        Sight
+            Of shape (M,), or (N, M) for many viewpoints.
+
+        Raises
+        ------
+        PointsError
+            Wrong shape or type, or a viewpoint that is not finite.
+        SceneError
+            The scene holds no scan.
+        """
+        from_points = _viewpoints(viewpoint)
+        to_points = _targets(targets)
+        shape = (len(from_points), len(to_points))
+        answer = _unknown(shape)
+        memory = self._packed()
+        per_row = max(1, LINES_AT_ONCE)
+        for row, start in enumerate(from_points):
+            for low in range(0, shape[1], per_row):
+                part = slice(low, min(low + per_row, shape[1]))
+                ends = to_points[part]
+                starts = np.broadcast_to(start, ends.shape)
+                _answer(memory, starts, ends, max_range_m, answer, (row, part))
+        return answer if np.ndim(viewpoint) == 2 else _row(answer)
+
+    def sight_lines(self, starts: ArrayLike, ends: ArrayLike) -> Sight:
+        """Sight lines given by their two ends, (L, 3) each, scene frame; a Sight of shape (L,).
+
+        Raises
+        ------
+        PointsError
+            Wrong shape or type, or starts and ends differ in number.
+        SceneError
+            The scene holds no scan.
+        """
+        from_points = _targets(starts, "starts")
+        to_points = _targets(ends, "ends")
+        if len(from_points) != len(to_points):
+            raise PointsError(
+                f"each line needs two ends, got {len(from_points)} starts and"
+                f" {len(to_points)} ends."
+            )
+        answer = _unknown((1, len(to_points)))
+        memory = self._packed()
+        for low in range(0, len(to_points), LINES_AT_ONCE):
+            part = slice(low, low + LINES_AT_ONCE)
+            _answer(memory, from_points[part], to_points[part], None, answer, (0, part))
+        return _row(answer)
+
+    def sight_within(
+        self, viewpoints: ArrayLike, targets: ArrayLike, max_range_m: float
+    ) -> tuple[IntArray, IntArray, Sight]:
+        """Only the lines of many viewpoints and targets that are short enough.
+
+        Returns
+        -------
+        row, column : (L,) int64 arrays
+            Which viewpoint and which target, in ascending order.
+        sight : Sight
+            Of shape (L,).
+        """
+        if not (np.isfinite(max_range_m) and max_range_m > 0):
+            raise SettingsError(f"max_range_m must be a positive length, got {max_range_m}.")
+        from_points = _viewpoints(np.atleast_2d(np.asarray(viewpoints, dtype=np.float64)))
+        to_points = _targets(targets)
+        finite = np.flatnonzero(np.isfinite(to_points).all(axis=1))
+        found = cKDTree(from_points).sparse_distance_matrix(
+            cKDTree(to_points[finite]), max_range_m, output_type="ndarray"
+        )
+        row, column = found["i"].astype(np.int64), finite[found["j"]].astype(np.int64)
+        order = np.lexsort((column, row))
+        row, column = row[order], column[order]
+        return row, column, self.sight_lines(from_points[row], to_points[column])
+
+    def _packed(self) -> Memory:
+        if len(self._memory) == 0:
+            raise SceneError("the scene holds no scan: call scene.add(points, pose) first.")
+        return self._memory.packed()
+
+
+def _viewpoints(viewpoint: ArrayLike) -> Float64Array:
+    """(N, 3) finite viewpoints."""
+    if np.ndim(viewpoint) != 2:
+        return checked_point(viewpoint)[None]
+    points = _targets(viewpoint, "viewpoint")
+    if not np.isfinite(points).all():
+        raise PointsError("every viewpoint must be three finite numbers in metres.")
+    return points
+
+
+def _targets(points: ArrayLike, name: str = "targets") -> Float64Array:
+    """(M, 3) float64 points, finite or not; an empty list is no target."""
+    array = np.asarray(points)
+    if array.size == 0 and array.ndim <= 2:
+        return np.empty((0, 3))
+    if array.dtype.kind in "iu":
+        array = array.astype(np.float64)
+    return np.ascontiguousarray(checked_points(array, name), dtype=np.float64)
+
+
+def _unknown(shape: tuple[int, int]) -> Sight:
+    return Sight(
+        np.full(shape, UNKNOWN, np.int8),
+        np.full(shape, np.nan),
+        np.full((*shape, 3), np.nan),
+        np.full(shape, np.nan),
+    )
+
+
+def _row(sight: Sight) -> Sight:
+    return Sight(sight.state[0], sight.probability[0], sight.blocker[0], sight.clearance[0])
+
+
+def _ordered(a: FloatArray, b: FloatArray) -> tuple[Float64Array, Float64Array]:
+    """The two ends of each line, the lexicographically smaller one first.
+
+    The engine never knows which end is the viewpoint: that is what makes answers reciprocal.
+    """
+    swap = a[:, 0] > b[:, 0]
+    level = a[:, 0] == b[:, 0]
+    swap |= level & (a[:, 1] > b[:, 1])
+    level &= a[:, 1] == b[:, 1]
+    swap |= level & (a[:, 2] > b[:, 2])
+    swap = swap[:, None]
+    return np.where(swap, b, a), np.where(swap, a, b)
+
+
+def _answer(
+    memory: Memory,
+    starts: FloatArray,
+    ends: FloatArray,
+    max_range_m: float | None,
+    answer: Sight,
+    where: tuple[int, slice],
+) -> None:
+    """Judge the lines that can be judged, and write them into their part of the answer."""
+    able = np.isfinite(starts).all(axis=1) & np.isfinite(ends).all(axis=1)
+    if max_range_m is not None:
+        able &= np.linalg.norm(ends - starts, axis=1) <= max_range_m
+    chosen = np.flatnonzero(able)
+    if len(chosen) == 0:
+        return
+    first, second = _ordered(starts[chosen], ends[chosen])
+    found = judge_lines(memory, first, second)
+    probability = np.exp(-found.exponent)
+    state = np.full(len(chosen), UNKNOWN, np.int8)
+    state[(probability >= VISIBLE_FROM) & (found.unknown_m <= UNKNOWN_M)] = VISIBLE
+    blocked = probability < OCCLUDED_BELOW
+    blocked &= np.exp(-found.seen) < OCCLUDED_BELOW + SEEN_SLACK
+    state[blocked] = OCCLUDED
+
+    blocker = np.full((len(chosen), 3), np.nan)
+    clearance = found.clearance_m
+    at = np.flatnonzero(blocked)
+    meeting = np.full((len(at), 3), np.nan)
+    miss_m = np.zeros(len(at))
+    meet_surfaces(
+        memory, first[at], second[at], found.worst_m[at], found.worst_scan[at], meeting, miss_m
+    )
+    blocker[at] = meeting
+    clearance[at] = -miss_m
+    row, part = where
+    answer.state[row, part][chosen] = state
+    answer.probability[row, part][chosen] = probability
+    answer.blocker[row, part][chosen] = blocker
+    answer.clearance[row, part][chosen] = clearance
