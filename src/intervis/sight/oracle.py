@@ -1,0 +1,132 @@
+"""The exact oracle: the definition in `evidence`, slow and obvious, in float64 and plain numpy.
+
+It shares with the engine the charts of the scans (what was seen) and the tables of the model
+(what that means), and no line of how a sight line is walked, a chart is read or scans are chosen.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.arrays import BoolArray, Float64Array
+from intervis.sight import evidence as model
+from intervis.sight.engine import CARRIED, MOST_MARKS, NEAR_M, Memory
+from intervis.sight.ground import CELL_M, CELLS
+
+
+class Verdict(NamedTuple):
+    """One line: -log P(visible), its part from seen surfaces, the length that no scan saw."""
+
+    exponent: float
+    seen: float
+    unknown_m: float
+
+    @property
+    def state(self) -> int:
+        """1 visible, 0 occluded, -1 unknown."""
+        probability = np.exp(-self.exponent)
+        blocked_by_seen = np.exp(-self.seen) < model.OCCLUDED_BELOW + model.SEEN_SLACK
+        if probability < model.OCCLUDED_BELOW and blocked_by_seen:
+            return 0
+        if probability >= model.VISIBLE_FROM and self.unknown_m <= model.UNKNOWN_M:
+            return 1
+        return -1
+
+
+def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
+    """The verdict on the line between two finite points of the scene, (3,) each."""
+    a, b = sorted((np.asarray(a, np.float64), np.asarray(b, np.float64)), key=tuple)
+    marks, piece = _marks(a, b)
+    odds = np.zeros(len(marks))
+    free = np.zeros(len(marks), bool)
+    surface = np.zeros(len(marks), bool)
+    scans = _chosen_scans(memory, a, b)
+    height = np.zeros(len(marks))
+    for rank, k in enumerate(scans):
+        points = marks @ memory.sensor_from_scene[k, :, :3].T + memory.sensor_from_scene[k, :, 3]
+        if rank == 0:
+            height = _height_above_ground(memory, k, points)
+        depth, solid, known = _depth_behind_surface(memory, k, points)
+        say = np.where(
+            solid,
+            _read(model.SOLID_TABLE, depth, model.DEPTH_TABLE_FROM_M),
+            _read(model.SCATTER_TABLE, depth, model.DEPTH_TABLE_FROM_M),
+        )
+        odds += np.where(known, model.scan_weights(len(scans))[rank] * say, 0.0)
+        free |= known & (depth < model.SURFACE_FROM_M)
+        surface |= known & (depth >= model.SURFACE_FROM_M) & (depth <= model.SURFACE_TO_M)
+    odds += _read(model.HEIGHT_TABLE, height, model.HEIGHT_TABLE_FROM_M)
+    filled = model.RATE_PER_M * piece / (1.0 + np.exp(-odds))
+    return Verdict(
+        float(model.NOISE + filled.sum()),
+        float(filled[surface].sum()),
+        float(piece * np.count_nonzero(~free & ~surface)),
+    )
+
+
+def _marks(a: Float64Array, b: Float64Array) -> tuple[Float64Array, float]:
+    """Middles (K, 3) of equal pieces of a line, those near its ends left out; a piece's length."""
+    length = float(np.linalg.norm(b - a))
+    count = int(np.clip(np.ceil(length / model.MARK_M), 1, MOST_MARKS))
+    share = (np.arange(count) + 0.5) / count
+    inside = np.minimum(share, 1.0 - share) * length > model.END_M
+    return a + share[inside, None] * (b - a), length / count
+
+
+def _chosen_scans(memory: Memory, a: Float64Array, b: Float64Array) -> list[int]:
+    """Indices of the scans with a say: by distance to the nearer end, newest first among equals."""
+    to_a = np.linalg.norm(memory.position - a, axis=1)
+    to_b = np.linalg.norm(memory.position - b, axis=1)
+    away = np.floor(np.minimum(to_a, to_b) / NEAR_M)
+    newest_first = sorted(range(len(away)), key=lambda k: (away[k], -k))
+    return newest_first[: model.SCANS]
+
+
+def _height_above_ground(memory: Memory, k: int, points: Float64Array) -> Float64Array:
+    cell = np.floor(points[:, :2] / CELL_M).astype(int) + CELLS // 2
+    a, b = np.clip(cell, 0, CELLS - 1).T
+    return np.asarray(points[:, 2] - memory.ground[k][a, b])
+
+
+def _depth_behind_surface(
+    memory: Memory, k: int, points: Float64Array
+) -> tuple[Float64Array, BoolArray, BoolArray]:
+    """How far points lie behind scan k's surface, whether that is solid, whether there is one."""
+    rows, columns = int(memory.rows[k]), int(memory.columns[k])
+    start = int(memory.offset[k])
+    image = memory.cells[start : start + rows * columns].reshape(columns, rows)
+    rho = np.hypot(points[:, 0], points[:, 1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = (points[:, 2] / rho - memory.slope_from[k]) / memory.slope_step[k]
+    on_chart = (place >= 0.0) & (place < rows - 1.0)
+    place = np.where(on_chart, place, 0.0)
+    row = place.astype(int)
+    share = place - row
+    column = np.minimum((_turn(points) * (columns / 8.0)).astype(int), columns - 1)
+
+    low, high = image[column, row], image[column, row + 1]
+    nearer = np.where(share >= 0.5, high, low)
+    a, b = np.abs(low).astype(np.float64), np.abs(high).astype(np.float64)
+    one_surface = (a > 0) & (b > 0) & (np.abs(a - b) < CARRIED * np.minimum(a, b))
+    surface = np.where(one_surface, a + (b - a) * share, np.abs(nearer))
+    known = on_chart & (surface > 0)
+    return np.where(known, rho - surface, np.nan), nearer > 0, known
+
+
+def _turn(points: Float64Array) -> Float64Array:
+    """Azimuth from 0 to 8 as charts measure it, by cases."""
+    x, y = points[:, 0], points[:, 1]
+    across, along = np.minimum(np.abs(x), np.abs(y)), np.maximum(np.abs(x), np.abs(y))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        m = np.where(along > 0, across / along, 0.0)
+    eighth = m * (1.3147 - m * (0.2343 + 0.0804 * m))
+    quarter = np.where(np.abs(y) <= np.abs(x), eighth, 2.0 - eighth)
+    half = np.where(x < 0, 4.0 - quarter, quarter)
+    return np.asarray(np.where(y < 0, 8.0 - half, half))
+
+
+def _read(table: Float64Array, value: Float64Array, start: float) -> NDArray[np.float64]:
+    """A table's entries; below its start the first one, beyond its end the last."""
+    at = np.nan_to_num((value - start) / model.TABLE_STEP_M, nan=0.0)
+    return np.asarray(table[np.clip(at, 0, len(table) - 1).astype(int)])

@@ -1,0 +1,76 @@
+"""The fast engine against the slow oracle, on made scenes and on a real drive."""
+
+import numpy as np
+import pytest
+from made_scans import street_scan
+
+from intervis.sight import Scene
+from intervis.sight.engine import judge_lines
+from intervis.sight.oracle import judge_line
+from intervis.sight.scene import _ordered
+from intervis.transform import rigid
+
+
+def turned(yaw_rad: float, x: float, y: float):
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return rigid([[c, -s, 0], [s, c, 0], [0, 0, 1]], [x, y, 0.0])
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    scene = Scene(sensor="HDL-64E")
+    for number in range(8):
+        pose = turned(0.05 * number, 1.3 * number, 0.1 * number)
+        scene.add(street_scan(pose, seed=number), pose)
+    return scene
+
+
+def random_lines(rng: np.random.Generator, count: int):
+    """Lines of every kind: all octants, grazing the ground, radial, far away, of no length."""
+    a = rng.normal(0.0, 1.0, (count, 3)) * [12.0, 12.0, 1.5]
+    b = rng.normal(0.0, 1.0, (count, 3)) * [25.0, 25.0, 2.5]
+    kind = rng.integers(0, 8, count)
+    a[kind == 0] = 0.0  # from the first sensor
+    a[kind == 1, 2] = b[kind == 1, 2] = -1.72  # along the ground
+    b[kind == 2] = a[kind == 2] * 3.0  # radial
+    b[kind == 3, 2] += 40.0  # up into the sky
+    b[kind == 4] *= 30.0  # beyond every range
+    b[kind == 5] = a[kind == 5]  # the target is the viewpoint
+    b[kind == 6] = a[kind == 6] + rng.normal(0, 0.3, (int((kind == 6).sum()), 3))
+    return a, b
+
+
+def compare(scene: Scene, a, b) -> None:
+    memory = scene._packed()
+    found = judge_lines(memory, *_ordered(a, b))
+    for i in range(len(a)):
+        verdict = judge_line(memory, a[i], b[i])
+        assert found.exponent[i] == pytest.approx(verdict.exponent, abs=1e-9), (a[i], b[i])
+        assert found.seen[i] == pytest.approx(verdict.seen, abs=1e-9), (a[i], b[i])
+        assert found.unknown_m[i] == pytest.approx(verdict.unknown_m, abs=1e-9), (a[i], b[i])
+
+
+def test_engine_agrees_with_oracle_in_all_octants(scene, rng):
+    compare(scene, *random_lines(rng, 3000))
+
+
+def test_states_are_the_oracles(scene, rng):
+    a, b = random_lines(rng, 400)
+    sight = scene.sight_lines(a, b)
+    states = [judge_line(scene._packed(), p, q).state for p, q in zip(a, b, strict=True)]
+    assert sight.state.tolist() == states
+    assert set(states) == {-1, 0, 1}, "the lines must exercise all three answers"
+
+
+def test_engine_agrees_between_returns(scene, rng):
+    """Ends on surfaces, through gaps, behind things: lines between returns of two scans."""
+    first = street_scan(turned(0.0, 0.0, 0.0), seed=0)
+    a = first[rng.integers(0, len(first), 1500)].astype(np.float64)
+    b = first[rng.integers(0, len(first), 1500)].astype(np.float64)
+    compare(scene, a, b)
+
+
+@pytest.mark.slow
+def test_engine_agrees_on_a_million_lines(scene, rng):
+    for _ in range(50):
+        compare(scene, *random_lines(rng, 20_000))
