@@ -207,6 +207,18 @@ def test_votes():
     assert (sure[2] >= 0.5).all()
 
 
+def test_surfaces_are_made_once_and_charged_each_time():
+    surfaces = triangulated.Surfaces(most=2)
+    first = surfaces.of(SCAN, 0.2, np.inf)
+    once = surfaces.spent_s
+    assert surfaces.of(SCAN, 0.2, np.inf) is first
+    assert surfaces.spent_s == once > 0
+    assert surfaces.cost_s == pytest.approx(2 * once)
+    for other in (SCAN[::2], SCAN[::3]):
+        surfaces.of(other, 0.2, np.inf)
+    assert surfaces.of(SCAN, 0.2, np.inf) is not first  # long forgotten
+
+
 def test_nearest_scans():
     scan, pose = np.zeros((1, 3)), np.eye(4)
     seen = Seen(tuple(range(10)), (scan,) * 10, (pose,) * 10, 9, 4)

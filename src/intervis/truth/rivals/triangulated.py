@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from time import perf_counter
 
 import numpy as np
 from scipy.spatial import Delaunay
@@ -54,10 +55,22 @@ def surface(scan: FloatArray, jump_share: float, longest_m: float = np.inf) -> F
 
 @dataclass
 class Surfaces:
-    """The surfaces made last: pairs of poses share scans, and meshing is the dear part."""
+    """The surfaces made last: pairs of poses share scans, and meshing is the dear part.
+
+    Attributes
+    ----------
+    most : int
+        How many are kept.
+    cost_s : float
+        What the surfaces handed out so far cost to make, each time anew.
+    spent_s : float
+        What was really spent on making them.
+    """
 
     most: int = 24
-    _kept: OrderedDict[tuple[int, float, float], tuple[FloatArray, SegmentCaster]] = field(
+    cost_s: float = 0.0
+    spent_s: float = 0.0
+    _kept: OrderedDict[tuple[int, float, float], tuple[FloatArray, SegmentCaster, float]] = field(
         default_factory=OrderedDict
     )
 
@@ -65,11 +78,16 @@ class Surfaces:
         """The ray caster of a scan's surface, in the scan's own frame."""
         key = (id(scan), jump_share, longest_m)
         if key not in self._kept:
+            start = perf_counter()
+            caster = caster_of(surface(scan, jump_share, longest_m))
+            took = perf_counter() - start
+            self.spent_s += took
             # the scan is kept as well: as long as it lives, no other array has its id
-            self._kept[key] = (scan, caster_of(surface(scan, jump_share, longest_m)))
+            self._kept[key] = (scan, caster, took)
             while len(self._kept) > self.most:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
+        self.cost_s += self._kept[key][2]
         return self._kept[key][1]
 
 
