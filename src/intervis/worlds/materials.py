@@ -2,8 +2,8 @@
 
 from intervis.worlds.soup import Material
 
-ASPHALT = Material("road", (0.11, 0.11, 0.115), 0.20)
-PARKING = Material("road", (0.15, 0.145, 0.14), 0.24)
+ASPHALT = Material("road", (0.11, 0.11, 0.115), 0.28)
+PARKING = Material("road", (0.15, 0.145, 0.14), 0.32)
 PAINT = Material("marking", (0.75, 0.75, 0.72), 0.62)
 KERB = Material("kerb", (0.42, 0.41, 0.39), 0.36)
 SLABS = Material("sidewalk", (0.33, 0.32, 0.30), 0.33)

@@ -76,14 +76,19 @@ class Path:
         return (self.height(along + 0.05) - self.height(along - 0.05)) / 0.1
 
     def points(self, s: ArrayLike, d: ArrayLike = 0.0, h: ArrayLike = 0.0) -> Float64Array:
-        """(..., 3) places at `s` along, `d` across (to the left) and `h` above the line."""
+        """(..., 3) places at `s` along, `d` across (to the left) and `h` above the line.
+
+        Beyond its ends the line goes straight on.
+        """
         along, across, above = np.broadcast_arrays(*(np.asarray(part, float) for part in (s, d, h)))
-        heading = self.heading(along)
         grid, x, y = self._table
+        within = np.clip(along, grid[0], grid[-1])
+        heading, beyond = self.heading(within), along - within
+        cos, sin = np.cos(heading), np.sin(heading)
         return np.stack(
             [
-                np.interp(along, grid, x) - across * np.sin(heading),
-                np.interp(along, grid, y) + across * np.cos(heading),
+                np.interp(within, grid, x) + beyond * cos - across * sin,
+                np.interp(within, grid, y) + beyond * sin + across * cos,
                 self.height(along) + above,
             ],
             axis=-1,

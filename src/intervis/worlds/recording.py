@@ -143,7 +143,7 @@ def load_world(drive_folder: Path | str) -> RecordedWorld:
             f"{path} is not there: only drives that `intervis simulate` wrote have a known world."
         )
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         static, moving = _soup(arrays, "static"), _soup(arrays, "moving")
         bounds = np.concatenate([[0], np.cumsum(arrays["mover_sizes"])])
@@ -154,5 +154,5 @@ def load_world(drive_folder: Path | str) -> RecordedWorld:
             )
         )
         return RecordedWorld(static, movers, arrays["mover_poses"], arrays["vehicle_poses"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise DriveError(f"cannot read {path}: {error}; simulate the drive again.") from None

@@ -16,7 +16,7 @@ from intervis.worlds.world import Moment
 SHADOW_M = 160.0
 EDGE = 0.055
 """Difference between neighbours, of 1, above which a pixel is sampled again."""
-SPOTS = ((-0.31, -0.19), (0.33, -0.27), (0.02, 0.36))
+SPOTS = ((-0.33, 0.21), (0.29, -0.31))
 """Where in a pixel the further samples lie, pixels from its centre."""
 
 

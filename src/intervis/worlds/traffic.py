@@ -64,8 +64,8 @@ class Course:
 
 
 def _crossing_pose(path: Path, s: float, start_m: float, time_s: float) -> Float64Array:
-    """street_from_walker: from the left pavement over the zebra to the right one, then it waits."""
-    d = max(-7.0, start_m - 1.25 * time_s)
+    """street_from_walker: over the zebra to the right pavement, where it waits."""
+    d = max(-7.0, start_m - 1.45 * time_s)
     height = ground.KERB_HIGH_M if abs(d) > ground.KERB_M else 0.0
     return path.upright(s, d, height, -np.pi / 2)
 
@@ -91,13 +91,13 @@ def movers(
     add("car 2", car(rng, HATCHBACK), lead(47.0))
     bodies = (SALOON, HATCHBACK, VAN, ESTATE)
     for number, start in enumerate((27.0, 92.0, 128.0, 205.0, 300.0, 342.0, 410.0)):
-        course = Course(start, -float(rng.uniform(7.5, 9.5)), LANE_M + 0.1)
+        course = Course(start, -float(rng.uniform(8.2, 8.8)), LANE_M + 0.1)
         add(f"car {3 + number}", car(rng, bodies[number % 4]), follow(course))
     add("bicycle 1", cyclist(rng), follow(Course(12.0, 4.6, -3.35)))
     add(
         "person 1",
         person(rng, stride=0.5),
-        lambda time_s: _crossing_pose(path, crossing_s, 3.4, time_s),
+        lambda time_s: _crossing_pose(path, crossing_s, -0.7, time_s),
     )
     for number in range(14):
         side = 1 if number % 2 else -1

@@ -92,6 +92,10 @@ class World:
         return np.repeat(np.arange(len(sizes)), sizes)
 
     @cached_property
+    def _static_normals(self) -> Float64Array:
+        return self.static.normals
+
+    @cached_property
     def _static_caster(self) -> RayCaster:
         return RayCaster(self.static.triangles)
 
@@ -105,12 +109,14 @@ class World:
         """The world as it is at a time, ready to be scanned and looked at."""
         triangles, labels, objects = self.triangles_at(time_s)
         moving = RayCaster(triangles[len(self.static) :])
-        soup = self._everything
+        soup, normals = self._everything, [self._static_normals]
+        for mover in self.movers:
+            normals.append(mover.soup.normals @ mover.pose_at(time_s)[:3, :3].T)
         return Moment(
             triangles,
             labels,
             objects,
-            soup.placed(triangles).normals,
+            np.concatenate(normals),
             soup.colours,
             soup.reflectances,
             RayCaster.joined([self._static_caster, moving]),
