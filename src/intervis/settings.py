@@ -28,7 +28,13 @@ class Settings(BaseModel):
         What is in view: the camera's image (the full circle where a frame has no camera), the
         full circle, or 90 or 180 degrees of azimuth ahead.
     tau : int or "auto"
-        Granularity: how many returns one spherical kernel takes in. 1 keeps every return.
+        Granularity: how many returns one spherical kernel takes in. 1 keeps every return; "auto"
+        chooses by `tpi_tolerance` and `time_budget_ms`.
+    tpi_tolerance : float
+        For ``tau="auto"``: points of TPI that coarser sampling may cost, by the measured curve.
+    time_budget_ms : float or None
+        For ``tau="auto"``: tau is as fine as this time for a frame allows, but never so coarse
+        that `tpi_tolerance` is missed. None takes the coarsest tau within the tolerance.
     sampling : {"kernel", "stride", "radius"}
         Balanced compact kernels, every tau-th return, or balls of `radius_m` metres.
     radius_m : float
@@ -73,6 +79,8 @@ class Settings(BaseModel):
 
     view: View = "camera"
     tau: int | Literal["auto"] = 35
+    tpi_tolerance: float = Field(default=3.0, gt=0, le=50)
+    time_budget_ms: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     sampling: Sampling = "kernel"
     radius_m: float = Field(default=0.5, gt=0, allow_inf_nan=False)
     metric: Metric = "ground"

@@ -17,10 +17,11 @@ from intervis.arrays import (
     checked_points,
 )
 from intervis.camera import Camera
-from intervis.errors import CameraError, PointsError, SettingsError
+from intervis.errors import CameraError, PointsError
 from intervis.method import graph
 from intervis.method.criteria import apply_criteria, intervisible_region, reachable_tree
 from intervis.method.field_of_view import VIEW_ANGLE_DEG, FieldOfView, in_angle, in_camera
+from intervis.method.granularity import choose_tau
 from intervis.method.measures import Measures, Record, measure
 from intervis.method.mesh import build_mesh, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
@@ -323,9 +324,7 @@ def meta_viewpoint(
 def _sample(in_view: Float64Array, viewpoint: Float64Array, settings: Settings) -> IntArray:
     if settings.sampling == "radius":
         return sample_radius(in_view, settings.radius_m, viewpoint)
-    tau = settings.tau
-    if tau == "auto":
-        raise SettingsError("tau='auto' is not there yet: give tau as a number, for example 35.")
+    tau = choose_tau(len(in_view), settings) if settings.tau == "auto" else settings.tau
     if settings.sampling == "stride":
         return sample_stride(len(in_view), tau)
     return sample_kernels(in_view, tau, viewpoint)
