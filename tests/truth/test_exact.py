@@ -81,7 +81,8 @@ def test_what_is_asked_lies_where_it_should():
         ways = on_beams / np.linalg.norm(on_beams, axis=1)[:, None]
         cosine = ways @ (scan / np.linalg.norm(scan, axis=1)[:, None]).T
         np.testing.assert_allclose(cosine.max(axis=1), 1.0, atol=1e-9)
-        assert (sum(part.astype(int) for part in question.parts.values()) == 1).all()
+        kinds = [question.parts[name] for name in ("returns", "free points", "anywhere")]
+        assert (np.sum(kinds, axis=0) == 1).all()
         assert (question.counted == ~question.parts["anywhere"]).all()
 
 
@@ -100,10 +101,27 @@ def test_the_truth_is_that_of_slabs():
             assert said == (enter > leave)
 
 
+def test_viewpoints_over_the_fan_are_told_apart():
+    scan = scan_of(YARD, SENSOR)
+    highest = np.degrees(np.arctan2(scan[:, 2], np.hypot(scan[:, 0], scan[:, 1]))).max()
+    told = set()
+    many = Sampling(viewpoints=40, returns=5, free_points=5, anywhere=5)
+    for question in questions(seen_of(scan), caster_of(YARD), many):
+        x, y, z = question.viewpoint - SENSOR[:3, 3]
+        elevation = np.degrees(np.arctan2(z, np.hypot(x, y)))
+        if x > 8:
+            continue  # the house may hide it
+        expected = -25.01 < elevation <= highest
+        scanned = question.parts["from scanned space"]
+        assert (scanned == (question.counted & expected)).all()
+        told.add(expected)
+    assert told == {True, False}
+
+
 def test_both_answers_occur_and_both_kinds_are_asked():
     for question in questions(seen_of(scan_of(YARD, SENSOR)), caster_of(YARD), SMALL):
-        for part in question.parts.values():
-            assert part.sum() > 50
+        for name in ("returns", "free points", "anywhere"):
+            assert question.parts[name].sum() > 50
         assert question.visible.any()
         assert not question.visible.all()
 

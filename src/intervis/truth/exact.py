@@ -14,6 +14,10 @@ What is asked, for one scan of the world at one moment:
 A point is in the open when a straight way leads from it to the sky: the inside of houses and cars
 is not asked about.
 
+Returns and free points are scored once more over the viewpoints that the scan saw (part
+``from scanned space``): those to which a free way leads from the sensor, within the fan of its
+beams. From above the fan or from behind a wall, every line begins in space that no beam entered.
+
 What is true: with s = 0.15 m + 1 % of the distance of the target, and h the distance at which the
 sight line first meets a triangle,
 
@@ -30,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array, finite_rows
-from intervis.transform import transform
+from intervis.transform import inverse, transform
 from intervis.truth.question import Question, Questions
 from intervis.truth.rays import SegmentCaster
 from intervis.truth.rivals.seen import Seen
@@ -66,10 +70,10 @@ class Sampling:
         The same seed asks the same questions.
     """
 
-    viewpoints: int = 4
-    returns: int = 4000
-    free_points: int = 4000
-    anywhere: int = 2000
+    viewpoints: int = 6
+    returns: int = 3000
+    free_points: int = 3000
+    anywhere: int = 1500
     seed: int = 0
 
 
@@ -101,20 +105,23 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = Non
         lambda points: in_the_open(caster, points) & _clear_around(caster, points),
         sampling.viewpoints,
     )
+    scanned = _seen_from(pose, scan, caster, viewpoints)
     for number, viewpoint in enumerate(viewpoints):
         kinds = _targets(scan, pose, caster, sampling, rng)
         targets = np.vstack(list(kinds.values()))
         kind = np.repeat(np.arange(len(kinds)), [len(points) for points in kinds.values()])
         visible, occluded = truth(caster, viewpoint, targets, kind == 0)
         judged = visible | occluded
+        parts = {name: kind[judged] == place for place, name in enumerate(kinds)}
+        counted = kind[judged] != len(kinds) - 1
         yield Question(
             label=f"{seen.asked} from {number}",
             seen=seen,
             viewpoint=viewpoint,
             targets=targets[judged],
             visible=visible[judged],
-            parts={name: kind[judged] == place for place, name in enumerate(kinds)},
-            counted=kind[judged] != 2,
+            parts={**parts, "from scanned space": counted & scanned[number]},
+            counted=counted,
         )
 
 
@@ -140,6 +147,20 @@ def _targets(
             sampling.anywhere,
         ),
     }
+
+
+def _seen_from(
+    pose: Float64Array, scan: Float64Array, caster: SegmentCaster, points: Float64Array
+) -> BoolArray:
+    """Which points (K, 3) lie in the fan of a scan's beams, with a free way to the sensor."""
+    fan = _elevation(scan)
+    own = _elevation(transform(inverse(pose), points))
+    inside = (own >= fan.min()) & (own <= fan.max()) if len(fan) else np.zeros(len(own), bool)
+    return np.asarray(inside & ~caster.blocked(pose[:3, 3], points))
+
+
+def _elevation(points: Float64Array) -> Float64Array:
+    return np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1]))
 
 
 def truth(
