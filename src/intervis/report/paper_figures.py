@@ -312,10 +312,11 @@ def figure_7(result: FrameExperiment) -> "Figure":
         solid, above = axes["solid"], axes["above"]
         limits: Any = {"cmap": SEQUENTIAL, "linewidths": 0.8}
         both = kept[pairs].all(axis=1)
-        lines_3d = Line3DCollection(list(nodes[pairs[both]]), **limits)
-        lines_3d.set_array(step_m[both])
-        lines_3d.set_clim(0, high)
-        solid.add_collection3d(lines_3d)
+        if both.any():
+            lines_3d = Line3DCollection(list(nodes[pairs[both]]), **limits)
+            lines_3d.set_array(step_m[both])
+            lines_3d.set_clim(0, high)
+            solid.add_collection3d(lines_3d)
         _scatter_3d(solid, nodes[point & kept], color=NODE, s=2.0)
         _solid_axes(solid, nodes[kept], "(a) In 3-D")
         dots(above, scan, s=0.4, color="#9aa1ab", label="return in view")

@@ -260,8 +260,8 @@ def _thin_notes(ours: Analysis) -> list[str]:
     if n_fov >= FEW_RETURNS:
         return []
     return [
-        f"Only {n_fov} returns are in view: from granularity {max(1, n_fov // 3)} on there are"
-        " fewer than three nodes, no finite element, and no TPI."
+        f"Returns in view: {n_fov} only. From granularity {(n_fov + 1) // 2} on there are fewer"
+        " than three nodes, no finite element, and no TPI."
     ]
 
 
