@@ -9,8 +9,10 @@ from typing import Annotated
 import typer
 
 import intervis
+from intervis.cli import evaluate as _evaluate
 from intervis.cli import reproduce as _reproduce
 from intervis.cli import run as _run
+from intervis.cli import sight as _sight
 from intervis.cli import world as _world
 from intervis.cli.terminal import complain, show
 from intervis.errors import IntervisError
@@ -55,6 +57,8 @@ def _root(
 
 app.command("run")(_run.run)
 app.command("reproduce")(_reproduce.reproduce)
+app.command("sight")(_sight.sight)
+app.command("evaluate")(_evaluate.evaluate)
 app.command("simulate")(_world.simulate)
 app.command("demo")(_world.demo)
 

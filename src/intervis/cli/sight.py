@@ -1,0 +1,158 @@
+"""``intervis sight``: one sight line, explained in words."""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from intervis.cli import options
+from intervis.cli.run import CameraName, Source
+from intervis.cli.terminal import show
+
+if TYPE_CHECKING:
+    from intervis.drives import Drive, Frame
+    from intervis.sight import Scene
+
+Place = tuple[float, float, float]
+
+
+def sight(
+    source: Source,
+    start: Annotated[
+        str,
+        typer.Option(
+            "--from", metavar="X,Y,Z|camera|sensor", help="Metres in the sensor's frame, or a name."
+        ),
+    ],
+    end: Annotated[str, typer.Option("--to", metavar="X,Y,Z", help="Metres, the same frame.")],
+    frame: Annotated[
+        int | None,
+        typer.Option("--frame", metavar="N", help="Frame number; the first without it."),
+    ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B", help="Remember these frames as well, laid over frame N by the poses."
+        ),
+    ] = None,
+    camera: CameraName = None,
+) -> None:
+    """Explain one sight line.
+
+    Says whether it is open, how sure that is, what blocks it where, and by how much.
+    """
+    asked_frames = options.frame_range(frames)
+    to_point = options.coordinates(end, "--to")
+    named = start if start in ("camera", "sensor") else None
+    from_point = None if named else options.coordinates(start, "--from")
+
+    from intervis.drives import open_drive
+
+    drive = open_drive(source, camera=camera)
+    now = drive[drive.frame_numbers[0] if frame is None else frame]
+    from_point = from_point or _named_place(now, named)
+    scene = _scene(drive, now, asked_frames)
+    remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
+    show(f"{drive.name}, frame {now.number}, {remembered}; coordinates in its sensor's frame.")
+    show(in_words(from_point, to_point, scene.sight(from_point, [to_point])))
+
+
+def _named_place(frame: "Frame", name: str | None) -> Place:
+    from intervis.errors import DriveError
+    from intervis.stream import camera_centre_velo
+
+    if name == "sensor":
+        return 0.0, 0.0, 0.0
+    if frame.camera is None:
+        raise DriveError("this drive has no camera: give --from as X,Y,Z, or sensor.")
+    x, y, z = camera_centre_velo(frame).tolist()
+    return x, y, z
+
+
+def _scene(drive: "Drive", now: "Frame", frames: tuple[int | None, int | None] | None) -> "Scene":
+    """What frame `now` saw, and the other frames asked for, all in its sensor's frame."""
+    from intervis.errors import DriveError
+    from intervis.sight import Scene
+    from intervis.stream import selected_frames
+    from intervis.transform import inverse
+
+    if frames is None:
+        return Scene.from_scan(now.points)
+    scene = Scene()
+    for number in selected_frames(drive.frame_numbers, frames):
+        if number == now.number:
+            continue
+        other = drive[number]
+        if now.pose is None or other.pose is None:
+            raise DriveError(
+                f"--frames lays scans over each other by their poses, and frame"
+                f" {number if now.pose is not None else now.number} has none."
+            )
+        scene.add(other.points, inverse(now.pose) @ other.pose)
+    scene.add(now.points)
+    return scene
+
+
+def in_words(start: Place, end: Place, answer: Any) -> str:
+    """One line's answer in sentences.
+
+    Parameters
+    ----------
+    start, end : three numbers
+        Metres.
+    answer : Sight
+        Of shape (1,).
+    """
+    from intervis.sight import OCCLUDED, VISIBLE
+
+    state, probability = int(answer.state[0]), float(answer.probability[0])
+    clearance_m = float(answer.clearance[0])
+    line = f"The line from {_place(start)} to {_place(end)} is {math.dist(start, end):.1f} m long."
+    if state == VISIBLE:
+        verdict = f"VISIBLE: it is open with a probability of {_percent(probability)}."
+        return f"{line}\n{verdict}\n{_gap(clearance_m)}"
+    if state == OCCLUDED:
+        blocker = tuple(map(float, answer.blocker[0]))
+        verdict = f"OCCLUDED: it is open with a probability of {_percent(probability)} only."
+        return f"{line}\n{verdict}\n{_obstacle(start, blocker, clearance_m)}"
+    verdict = f"UNKNOWN: {_why_unknown(probability)}"
+    return f"{line}\n{verdict}\n{_gap(clearance_m)}".rstrip()
+
+
+def _why_unknown(probability: float) -> str:
+    from intervis.sight.evidence import VISIBLE_FROM
+
+    if math.isnan(probability):
+        return "it cannot be judged."
+    if probability >= VISIBLE_FROM:
+        return "nothing is known to stand in its way, but too much of it was seen by no scan."
+    return f"what the scans saw does not decide; it is open with {_percent(probability)}."
+
+
+def _percent(probability: float) -> str:
+    """Rounded, but never as certain as 0 or 100 %."""
+    if probability < 0.01:
+        return "less than 1 %"
+    if probability > 0.99:
+        return "more than 99 %"
+    return f"{100 * probability:.0f} %"
+
+
+def _gap(clearance_m: float) -> str:
+    if math.isfinite(clearance_m):
+        return f"Where it was seen, it clears the nearest surface by {clearance_m:.2f} m."
+    return ""
+
+
+def _obstacle(start: Place, blocker: tuple[float, ...], clearance_m: float) -> str:
+    if not all(map(math.isfinite, blocker)):
+        return "What blocks it was not seen at one place."
+    away_m = math.dist(start, blocker)
+    return (
+        f"A surface stands in the way at {_place(blocker)}, {away_m:.1f} m from the start;"
+        f" {abs(clearance_m):.2f} m higher, lower or to the side the line would pass it."
+    )
+
+
+def _place(point: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{c:.2f}" for c in point) + ")"

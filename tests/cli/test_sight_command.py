@@ -1,0 +1,127 @@
+"""`intervis sight`: the words for each answer, and a wall whose answers are plain."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from intervis.cli import exit_code
+from intervis.cli.sight import in_words
+from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Sight
+from small_drive import scan_folder
+
+
+def answer(state: int, probability: float, clearance_m: float, blocker=(np.nan,) * 3) -> Sight:
+    return Sight(
+        np.array([state], np.int8),
+        np.array([probability]),
+        np.array([blocker], float),
+        np.array([clearance_m]),
+    )
+
+
+FROM, TO = (0.0, 0.0, 0.0), (3.0, 4.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (
+            answer(VISIBLE, 0.934, 0.456),
+            ["VISIBLE", "93 %", "clears the nearest surface by 0.46 m"],
+        ),
+        (answer(VISIBLE, 0.9999, np.inf), ["VISIBLE", "more than 99 %"]),
+        (
+            answer(OCCLUDED, 0.02, -0.3, (1.5, 2.0, 0.0)),
+            [
+                "OCCLUDED",
+                "2 % only",
+                "at (1.50, 2.00, 0.00), 2.5 m from the start",
+                "0.30 m higher",
+            ],
+        ),
+        (answer(OCCLUDED, 0.001, -0.3), ["less than 1 %", "not seen at one place"]),
+        (answer(UNKNOWN, 0.6, 0.2), ["UNKNOWN", "does not decide; it is open with 60 %"]),
+        (answer(UNKNOWN, 0.95, np.inf), ["UNKNOWN", "seen by no scan"]),
+        (answer(UNKNOWN, np.nan, np.nan), ["UNKNOWN: it cannot be judged."]),
+    ],
+)
+def test_each_answer_has_its_words(given, words):
+    said = in_words(FROM, TO, given)
+    assert said.startswith("The line from (0.00, 0.00, 0.00) to (3.00, 4.00, 0.00) is 5.0 m long.")
+    for word in words:
+        assert word in said
+    assert "nan" not in said
+    assert "inf" not in said
+
+
+@pytest.fixture(scope="module")
+def wall(tmp_path_factory) -> Path:
+    """A scan of a wall 10 m ahead, 10 m wide."""
+    y, z = np.meshgrid(np.arange(-5, 5, 0.04), np.arange(-1.5, 1.5, 0.06))
+    points = np.stack([np.full(y.size, 10.0), y.ravel(), z.ravel()], axis=1)
+    path = tmp_path_factory.mktemp("wall") / "wall.npy"
+    np.save(path, points.astype(np.float32))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("target", "verdict"), [("9,1,0", "VISIBLE"), ("30,1,0", "OCCLUDED"), ("-9,0,0", "UNKNOWN")]
+)
+def test_a_wall(wall, target, verdict, capsys):
+    assert exit_code(["sight", str(wall), "--from", "sensor", "--to", target]) == 0
+    out, err = capsys.readouterr()
+    assert verdict in out
+    assert not err
+
+
+def test_the_blocker_is_on_the_wall(wall, capsys):
+    assert exit_code(["sight", str(wall), "--from", "0,0,0", "--to", "20,2,0"]) == 0
+    out = capsys.readouterr().out
+    x, y, z = map(float, out.split("in the way at (")[1].split(")")[0].split(","))
+    # The line y = x / 10 meets the wall x = 10 at y = 1.
+    assert (x, y, z) == pytest.approx((10, 1, 0), abs=0.25)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--from", "camera", "--to", "1,2,3"], "no camera: give --from as X,Y,Z"),
+        (["--from", "driver", "--to", "1,2,3"], "--from must be X,Y,Z in metres"),
+        (["--from", "0,0,0", "--to", "1,2"], "--to must be X,Y,Z in metres"),
+        (["--from", "0,0,0", "--to", "1,2,inf"], "--to must be three finite numbers"),
+        (["--from", "0,0,0", "--to", "1,2,3", "--frame", "7"], "no frame 7"),
+        (["--from", "0,0,0", "--to", "1,2,3", "--frames", "0:2"], "by their poses"),
+        (["--from", "0,0,0", "--to", "1,2,3", "--frames", "x"], "--frames must be A:B"),
+        (["--from", "0,0,0"], "--to"),
+    ],
+)
+def test_a_wrong_request_gets_one_sentence(words, said, tmp_path, capsys):
+    drive = scan_folder(tmp_path / "drive")
+    assert exit_code(["sight", str(drive), *words]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert len(err.splitlines()) == 1
+
+
+def test_other_frames_are_laid_over_by_their_poses(tmp_path, capsys):
+    drive = tmp_path / "drive"
+    drive.mkdir()
+    y, z = np.meshgrid(np.arange(-5, 5, 0.04), np.arange(-1.5, 1.5, 0.06))
+    ones = np.ones(y.size)
+    for number, x in ((0, -10.0), (1, 6.0)):  # a wall behind the first pose, one before the second
+        rows = np.stack([x * ones, y.ravel(), z.ravel(), ones], axis=1).astype("<f4")
+        rows.tofile(drive / f"{number:06d}.bin")
+    (drive / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 4 0 1 0 0 0 0 1 0\n")
+    command = ["sight", str(drive), "--frame", "0", "--from", "2,0,0", "--to", "20,1,0"]
+    assert exit_code(command) == 0
+    alone = capsys.readouterr().out
+    assert "frame 0, 1 scan;" in alone
+    assert "UNKNOWN" in alone
+    assert exit_code([*command, "--frames", ":"]) == 0
+    together = capsys.readouterr().out
+    assert "frame 0, 2 scans;" in together
+    assert "OCCLUDED" in together
+    # 6 m before a sensor that stands 4 m further on.
+    x = float(together.split("in the way at (")[1].split(",")[0])
+    assert x == pytest.approx(10, abs=0.3)
