@@ -99,6 +99,8 @@ def test_a_few_returns_give_what_they_can(tmp_path):
     assert re.search(r"Returns in view: \d+ only", text)
     rows = cells(tmp_path / "out" / "tables" / "table-2.csv")
     assert rows[-1]["TPI %"] == "–"
+    assert "not judged" in text
+    assert "nan" not in re.sub(r"\S+\.\S+", "", text)
 
 
 def test_wrong_requests_are_told_in_a_sentence(tmp_path, capsys):

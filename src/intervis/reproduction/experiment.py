@@ -261,7 +261,7 @@ def _thin_notes(ours: Analysis) -> list[str]:
         return []
     return [
         f"Returns in view: {n_fov} only. From granularity {(n_fov + 1) // 2} on there are fewer"
-        " than three nodes, no finite element, and no TPI."
+        " than three nodes, no finite element, and no TPI. The claims are not judged on that."
     ]
 
 
