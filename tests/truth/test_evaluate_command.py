@@ -76,6 +76,20 @@ def test_without_rivals_only_ours(drive, known_methods, capsys):
     assert "guess" not in shown
 
 
+def test_a_short_simulated_drive_is_asked_about_its_world(known_methods, tmp_path, capsys):
+    from intervis.worlds import simulate
+
+    source = simulate(tmp_path / "street", frames=2, images=False)
+    command(source)
+    told = capsys.readouterr()
+    assert "exact world, rays by Embree" in told.out
+    assert "free points" in told.out
+    assert "held-out returns are left out" in told.err
+    (source / "poses.txt").unlink()
+    with pytest.raises(DriveError):
+        command(source)
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [

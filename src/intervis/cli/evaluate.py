@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from intervis.cli.terminal import progress, show
-from intervis.errors import OutputError
+from intervis.cli.terminal import progress, show, tell
+from intervis.errors import DriveError, OutputError
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
@@ -113,17 +113,25 @@ def _evaluations(
     from intervis.worlds import load_world
 
     methods, sampling = methods_for(protocol, rivals=rivals), Sampling()
-    chosen = chosen_pairs(drive, pairs)
     world = load_world(drive.root) if (drive.root / "world.npz").is_file() else None
+    try:
+        chosen = chosen_pairs(drive, pairs)
+    except DriveError as error:
+        if world is None or pairs is not None:
+            raise
+        chosen = ()
+        tell(f"note: held-out returns are left out: {error}")
     viewpoints = len(chosen)
     if world is not None:
         viewpoints += len(world_frames(drive, None)) * sampling.viewpoints
     with progress("answers", viewpoints * len(methods)) as advance:
-        found = [
-            evaluate_held_out(
-                drive, pairs=chosen, protocol=protocol, methods=methods, progress=advance
+        found = []
+        if chosen:
+            found.append(
+                evaluate_held_out(
+                    drive, pairs=chosen, protocol=protocol, methods=methods, progress=advance
+                )
             )
-        ]
         if world is not None:
             found.append(
                 evaluate_world(

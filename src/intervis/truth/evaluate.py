@@ -117,7 +117,7 @@ def evaluate_world(
         No such protocol.
     """
     known = checked_protocol(protocol)
-    poses = _poses(drive)
+    poses = _poses(drive, least=1)
     numbers = world_frames(drive, frames)
     questions = _world_questions(drive, poses, triangles_at, numbers, known, sampling)
     rows, labels, points = run_questions(
@@ -239,9 +239,11 @@ def _nearest(
     return tuple(sorted(ordered[:MOST_SCANS]))
 
 
-def _poses(drive: Drive) -> dict[int, Float64Array]:
-    poses = posed(drive.poses, drive.name)
-    return {number: poses[number] for number in drive.frame_numbers if number in poses}
+def _poses(drive: Drive, least: int = 2) -> dict[int, Float64Array]:
+    poses = drive.poses or {}
+    known = {number: poses[number] for number in drive.frame_numbers if number in poses}
+    posed(known, drive.name, least)
+    return known
 
 
 def _reader(drive: Drive) -> Callable[[int], Float32Array]:

@@ -104,17 +104,19 @@ def parsed_pairs(text: str) -> Pairs:
     return tuple(pairs)
 
 
-def posed(poses: Mapping[int, Float64Array] | None, name: str) -> Mapping[int, Float64Array]:
+def posed(
+    poses: Mapping[int, Float64Array] | None, name: str, least: int = 2
+) -> Mapping[int, Float64Array]:
     """The poses of a drive, or an error that says what to do without them.
 
     Raises
     ------
     DriveError
-        There are fewer than two.
+        There are fewer than the least number.
     """
-    if poses is None or len(poses) < 2:
+    if poses is None or len(poses) < least:
         raise DriveError(
-            f"{name} has no poses, so no scan can judge another: put a poses.txt beside the"
-            " scans (KITTI odometry's format, twelve numbers a line)."
+            f"{name} has {'no poses' if not poses else 'one pose'}, so no scan can judge another:"
+            " put a poses.txt beside the scans (KITTI odometry's format, twelve numbers a line)."
         )
     return poses
