@@ -203,6 +203,11 @@ def test_senseless_numbers_of_frames_are_refused(tmp_path: Path, frames) -> None
     assert not list(tmp_path.iterdir())
 
 
+def test_numbers_of_numpy_are_numbers(tmp_path: Path, drive: Path) -> None:
+    folder = quick(tmp_path, frames=np.int64(3), seed=np.uint8(0))
+    assert content(folder) == content(drive)
+
+
 @pytest.mark.parametrize("seed", [-1, 0.5, False, "x"])
 def test_senseless_seeds_are_refused(tmp_path: Path, seed) -> None:
     with pytest.raises(SettingsError, match="seed must be"):

@@ -87,7 +87,15 @@ def _pose_at(poses: Float64Array, time_s: float) -> Float64Array:
 
 
 def world_bytes(world: World, frames: int) -> bytes:
-    """The bytes of ``world.npz`` for the first `frames` frames of a world."""
+    """The bytes of ``world.npz`` for the first `frames` frames of a world.
+
+    Its arrays: ``static_triangles`` (T, 3, 3) float32 in the world's frame and
+    ``moving_triangles`` (S, 3, 3), mover after mover, each in its own frame; beside either
+    ``_labels`` int8 (`intervis.worlds.soup.LABELS`), ``_colours`` and ``_reflectances`` float16;
+    ``mover_names`` (M,), ``mover_sizes`` (M,) triangles of each, ``mover_poses`` (F, M, 4, 4)
+    world_from_mover, ``vehicle_poses`` (F, 4, 4) world_from_velo. No number is rounded on its way
+    into the file: the scanned triangles are float32 numbers already.
+    """
     times_s = np.arange(frames) * PERIOD_S
     moving = Soup.joined(mover.soup for mover in world.movers)
     arrays: dict[str, NDArray[Any]] = {

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import asdict
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -77,10 +78,7 @@ def simulate(
     OutputError
         The folder cannot be written, or holds something that `simulate` did not write.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise SettingsError(f"seed must be a whole number of 0 or more, got {seed!r}.")
-    if isinstance(frames, bool) or not isinstance(frames, int) or frames < 1:
-        raise SettingsError(f"frames must be a whole number of 1 or more, got {frames!r}.")
+    seed, frames = _whole("seed", seed, 0), _whole("frames", frames, 1)
     world, sensor, calibration = build_street(seed), scanner or Scanner(), Calibration()
     most = int(world.last_s / PERIOD_S) + 1
     if frames > most:
@@ -101,6 +99,12 @@ def simulate(
         if progress is not None:
             progress(number + 1, frames)
     return layout.drive
+
+
+def _whole(name: str, number: object, least: int) -> int:
+    if isinstance(number, bool) or not isinstance(number, Integral) or number < least:
+        raise SettingsError(f"{name} must be a whole number of {least} or more, got {number!r}.")
+    return int(number)
 
 
 def _prepare(layout: Layout, calibration: Calibration, stamp: dict[str, Any], frames: int) -> None:
