@@ -25,6 +25,7 @@ from intervis.errors import (
     SettingsError,
 )
 from intervis.method.analysis import analyze
+from intervis.method.granularity import SteadyTau
 from intervis.results import (
     FrameRecord,
     frame_path,
@@ -37,7 +38,7 @@ from intervis.settings import Settings
 from intervis.stream import FrameFailure, run, selected_frames, start_viewpoint_world
 from intervis.summary import differences, summarize, tells_the_same
 from intervis.transform import rigid
-from small_drive import CAMERA_CENTRE_VELO, MemoryDrive, files_below, scan_folder
+from small_drive import CAMERA_CENTRE_VELO, MemoryDrive, files_below, scan_folder, street
 
 SETTINGS = Settings(tau=5)
 
@@ -269,6 +270,50 @@ def test_more_frames_of_the_same_drive_join_those_that_are_there(tmp_path):
     assert [f["number"] for f in summary_of(tmp_path)["frames"]] == [0, 1]
     assert run(MemoryDrive(), tmp_path, settings=SETTINGS).reused == 2
     assert [f["number"] for f in summary_of(tmp_path)["frames"]] == [0, 1, 2, 5]
+
+
+class CrowdedDrive(MemoryDrive):
+    """Without a camera; frame k has `returns[k]` returns and 40 of the posts."""
+
+    def __init__(self, **returns: int) -> None:
+        self.returns = {int(name[1:]): count for name, count in returns.items()}
+        super().__init__(tuple(self.returns), with_camera=False)
+
+    def __getitem__(self, number):
+        points = street(number, self.returns[number])
+        return dataclasses.replace(super().__getitem__(number), points=points)
+
+
+AUTO = Settings(tau="auto", tpi_tolerance=12.0)
+
+
+def test_tau_auto_holds_still_and_is_told_for_each_frame(tmp_path):
+    summary = run(CrowdedDrive(n0=2000, n1=1900, n2=6000), tmp_path, settings=AUTO)
+    steady = SteadyTau(AUTO)
+    taus = [record.tau for record in summary.frames]
+    assert taus == [steady.choose(n) for n in (2040, 1940, 6040)]
+    assert taus[0] == taus[1] < taus[2]
+    assert [frame["tau"] for frame in summary_of(tmp_path)["frames"]] == taus
+    for record in summary.frames:
+        assert record.measures["n"] == -(-record.measures["n_fov"] // record.tau)
+        assert load_analysis(frame_path(tmp_path, record.number)).settings.tau == record.tau
+
+
+def test_a_resumed_run_chooses_tau_as_a_whole_one(tmp_path):
+    frames = {"n0": 2000, "n1": 2300, "n2": 2600}
+    whole = run(CrowdedDrive(**frames), tmp_path / "whole", settings=AUTO)
+    run(CrowdedDrive(**frames), tmp_path / "parts", settings=AUTO, frames=(0, 2))
+    parts = run(CrowdedDrive(**frames), tmp_path / "parts", settings=AUTO)
+    assert parts.reused == 2
+    assert [r.tau for r in parts.frames] == [r.tau for r in whole.frames]
+    # The past matters: alone, the last frame would be sampled more coarsely.
+    alone = run(CrowdedDrive(n2=2600), tmp_path / "alone", settings=AUTO)
+    assert alone.frames[0].tau > whole.frames[2].tau
+
+
+def test_nodes_by_radius_have_no_granularity(tmp_path):
+    settings = Settings(tau="auto", sampling="radius", radius_m=1.0)
+    assert run(MemoryDrive((0,)), tmp_path, settings=settings).frames[0].tau is None
 
 
 # Surviving

@@ -40,6 +40,8 @@ class FrameRecord:
         The paper's measures by name.
     times_s : mapping of str to float
         Seconds by stage.
+    tau : int or None
+        The granularity in force; None where nodes were sampled by a radius.
     reused : bool
         True where an earlier run had already written the frame.
     """
@@ -47,6 +49,7 @@ class FrameRecord:
     number: int
     measures: Mapping[str, float]
     times_s: Mapping[str, float]
+    tau: int | None = None
     reused: bool = False
 
 
@@ -122,6 +125,8 @@ def save_frame(path: Path, frame: "Frame", analysis: "Analysis") -> FrameRecord:
     arrays["measures"] = np.array(list(record.measures.values()), dtype=np.float64)
     arrays["time_names"] = np.array(list(record.times_s))
     arrays["times_s"] = np.array(list(record.times_s.values()), dtype=np.float64)
+    if record.tau is not None:
+        arrays["tau"] = np.array(record.tau)
     write_whole(path, lambda file: _write_archive(file, arrays))
     return record
 
@@ -138,7 +143,9 @@ def record_of(number: int, analysis: "Analysis") -> FrameRecord:
     """The measures and stage times of an analysis, by name."""
     measures = {k: float(v) for k, v in dataclasses.asdict(analysis.measures).items()}
     times_s = {k: float(v) for k, v in dataclasses.asdict(analysis.times).items()}
-    return FrameRecord(number, measures, times_s)
+    tau = analysis.settings.tau
+    by_tau = analysis.settings.sampling != "radius" and tau != "auto"
+    return FrameRecord(number, measures, times_s, int(tau) if by_tau else None)
 
 
 def _arrays_of_frame(frame: "Frame") -> Arrays:
@@ -236,6 +243,7 @@ def load_record(path: Path) -> FrameRecord:
             zip(arrays["measure_names"].tolist(), arrays["measures"].tolist(), strict=True)
         )
         times_s = dict(zip(arrays["time_names"].tolist(), arrays["times_s"].tolist(), strict=True))
-        return FrameRecord(int(arrays["number"]), measures, times_s, reused=True)
+        tau = int(arrays["tau"]) if "tau" in arrays else None
+        return FrameRecord(int(arrays["number"]), measures, times_s, tau, reused=True)
     except (KeyError, ValueError) as error:
         raise OutputError(f"{path} is damaged: {error}.") from None

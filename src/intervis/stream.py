@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from intervis.arrays import Float64Array, checked_point
+from intervis.arrays import Float64Array, checked_point, checked_points
 from intervis.errors import DriveError, IntervisError, OutputError, SettingsError
-from intervis.method.analysis import Analysis, analyze
+from intervis.method.analysis import Analysis, analyze, field_of_view
+from intervis.method.granularity import SteadyTau
 from intervis.results import FrameRecord, frame_path, load_record, save_frame, write_text
 from intervis.settings import Settings
 from intervis.summary import (
@@ -196,6 +197,28 @@ class _Place:
         return transform(inverse(frame.pose), self._world)
 
 
+class _Granularity:
+    """The settings of each frame: with ``tau="auto"`` a number is chosen, and held while it can."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        chooses = settings.tau == "auto" and settings.sampling != "radius"
+        self._steady = SteadyTau(settings) if chooses else None
+
+    def settings_for(self, frame: "Frame") -> Settings:
+        """The settings of the next frame."""
+        if self._steady is None:
+            return self._settings
+        points = checked_points(frame.points)
+        view = field_of_view(points, frame.camera, frame.cam_from_velo, self._settings.view)
+        return self._settings.with_changes(tau=self._steady.choose(len(view.index)))
+
+    def follow(self, record: FrameRecord) -> None:
+        """Go on from a frame of an earlier run, so that a resumed run ends like a whole one."""
+        if self._steady is not None:
+            self._steady.tau = record.tau
+
+
 def start_viewpoint_world(drive: "Drive") -> Float64Array:
     """(3,) the camera's centre (the sensor, without a camera) in the drive's first frame, world.
 
@@ -223,19 +246,21 @@ def camera_centre_velo(frame: "Frame") -> Float64Array:
 def _outcomes(
     drive: "Drive", numbers: Sequence[int], out: Path, settings: Settings, place: _Place
 ) -> Iterator[FrameRecord | FrameFailure]:
-    warm = False
+    warm, granularity = False, _Granularity(settings)
     for number in numbers:
         path = frame_path(out, number)
         record = _record_of_earlier_run(path)
         if record is not None:
+            granularity.follow(record)
             yield record
             continue
         try:
             frame = drive[number]
+            chosen = granularity.settings_for(frame)
             if not warm:  # compile what this drive needs, so that the times below are honest
-                _analyze(frame, settings, place)
+                _analyze(frame, chosen, place)
                 warm = True
-            analysis = _analyze(frame, settings, place)
+            analysis = _analyze(frame, chosen, place)
         except SettingsError:
             raise  # it would fail for every frame: the request is wrong, not the frame
         except IntervisError as error:

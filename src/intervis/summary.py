@@ -92,6 +92,7 @@ def summarize(
         "frames": [
             {
                 "number": record.number,
+                "tau": record.tau,
                 "measures": {name: _json_number(v) for name, v in record.measures.items()},
                 "times_s": {name: _json_number(v) for name, v in record.times_s.items()},
             }

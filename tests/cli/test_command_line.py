@@ -78,12 +78,12 @@ def test_a_run_prints_the_measures_in_the_papers_terms(drive, tmp_path, capsys):
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out"), "--tau", "10"]) == 0
     out, err = capsys.readouterr()
     lines = out.splitlines()
-    heading = "frame n_raw n_fov nodes n N SP ARR % TPI % TPI_unique % DCP % total ms"
+    heading = "frame tau n_raw n_fov nodes n N SP ARR % TPI % TPI_unique % DCP % total ms"
     assert " ".join(lines[1].split()) == heading
     rows = [line.split() for line in lines[3:6]]
     # Without a camera the whole circle is in view: 440 returns, 440 / 10 = 44 nodes, 90 % less.
-    assert [row[:4] for row in rows] == [[str(n), "440", "440", "44"] for n in (0, 1, 2)]
-    assert [row[6] for row in rows] == ["90.00"] * 3
+    assert [row[:5] for row in rows] == [[str(n), "10", "440", "440", "44"] for n in (0, 1, 2)]
+    assert [row[7] for row in rows] == ["90.00"] * 3
     assert "p50 ms" in out
     assert "p99 ms" in out
     assert f"Results: {tmp_path / 'out'}" in out
@@ -211,12 +211,13 @@ def test_another_run_in_out_is_refused(drive, tmp_path, capsys):
     assert "tau is 35 there and 9 here" in capsys.readouterr().err
 
 
-def test_tau_auto_is_refused_in_words_as_long_as_it_is_not_there(drive, tmp_path, capsys):
-    code = exit_code(["run", str(drive), "--out", str(tmp_path / "out"), "--tau", "auto"])
-    if code == 0:
-        pytest.skip("tau='auto' is there")
-    assert code == 2
-    assert "tau='auto'" in capsys.readouterr().err
+def test_tau_may_be_left_to_the_program(drive, tmp_path):
+    out = tmp_path / "out"
+    assert exit_code(["run", str(drive), "--out", str(out), "--tau", "auto"]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["settings"]["tau"] == "auto"
+    for frame in summary["frames"]:
+        assert frame["measures"]["n"] == -(-frame["measures"]["n_fov"] // frame["tau"])
 
 
 def test_a_broken_frame_is_listed_and_the_exit_code_says_so(drive, tmp_path, capsys):

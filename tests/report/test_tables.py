@@ -97,6 +97,12 @@ def test_a_row_for_each_frame_where_they_are_few():
     assert table.rows[1][7] == "10.00"
 
 
+def test_granularity_has_a_column_where_there_is_one():
+    table = measures_table([FrameRecord(3, MEASURES, {"total": 0.0104}, tau=35)])
+    assert table.headings[:3] == ("frame", "tau", "n_raw")
+    assert table.rows[0][:3] == ("3", "35", "125148")
+
+
 def test_how_they_spread_where_frames_are_many():
     table = measures_table([record(n, TPI=float(t)) for n, t in enumerate((1, 2, 3, 4, 10))], few=4)
     tpi = table.headings.index("TPI %")

@@ -113,14 +113,12 @@ def measures_table(records: Sequence[FrameRecord], *, few: int | None = FEW_FRAM
         Beyond this number of frames the rows are mean, sample standard deviation, least and
         greatest value; None always gives a row for each frame.
     """
+    with_tau = all(record.tau is not None for record in records)
     headings = ("frame", *(heading for _, heading, _ in MEASURES), "total ms")
-    values = np.array(
-        [
-            [*(record.measures[name] for name, _, _ in MEASURES), 1e3 * record.times_s["total"]]
-            for record in records
-        ]
-    )
     formats = [*(form for _, _, form in MEASURES), ".2f"]
+    if with_tau:
+        headings, formats = ("frame", "tau", *headings[1:]), [".0f", *formats]
+    values = np.array([_row(record, with_tau) for record in records])
     if few is None or len(records) <= few:
         names = [str(record.number) for record in records]
         rows, title = values, "Measures of each frame"
@@ -133,6 +131,12 @@ def measures_table(records: Sequence[FrameRecord], *, few: int | None = FEW_FRAM
         for name, row in zip(names, rows, strict=True)
     )
     return Table(title, headings, cells, (NOTE_TPI,))
+
+
+def _row(record: FrameRecord, with_tau: bool) -> list[float]:
+    tau = [float(record.tau)] if with_tau and record.tau is not None else []
+    measures = (record.measures[name] for name, _, _ in MEASURES)
+    return [*tau, *measures, 1e3 * record.times_s["total"]]
 
 
 def _spread_rows(values: Any) -> tuple[list[str], Any]:
