@@ -1,12 +1,24 @@
 """Readings of the paper against the method itself."""
 
+import csv
+import io
+
 import numpy as np
 import pytest
 
-from intervis import Settings, analyze
+from intervis import Settings, analyze, open_drive
 from intervis.drives import Frame
+from intervis.report.paper_report import write_readings
+from intervis.report.paper_tables import choices_table
 from intervis.reproduction import paper
-from intervis.reproduction.readings import compare_readings, radius_nodes
+from intervis.reproduction.curve import tpi_curve
+from intervis.reproduction.readings import (
+    chosen_reading,
+    compare_readings,
+    consecutive_frames,
+    radius_nodes,
+    spread_frames,
+)
 
 
 def frame(seed, number=0):
@@ -58,3 +70,31 @@ def test_a_radius_is_found_that_gives_as_many_nodes_as_a_granularity():
     for tau in (10, 40, 100):
         found = len(radius_nodes(points, tau, np.zeros(3)))
         assert found == pytest.approx(3000 / tau, rel=0.15)
+
+
+def test_tables_of_readings_change_one_choice_at_a_time(tmp_path):
+    scores = compare_readings(
+        [frame(5)], metrics=["ground", "euclidean"], charts=["ground"], samplings=["kernel"]
+    )
+    reading = chosen_reading(Settings())
+    table = choices_table(scores, reading)
+    assert table.rows[0][1] == ", ".join(reading)
+    assert ("metric", "euclidean") in {row[:2] for row in table.rows}
+    for choice, name, *_ in table.rows[1:]:
+        assert getattr(reading, choice) != name
+    paths = write_readings(scores, tpi_curve([frame(5)]), reading, ["made"], tmp_path)
+    rows = list(csv.DictReader(io.StringIO(paths[1].read_text())))
+    assert len(rows) == len(scores)
+    assert float(rows[0]["away"]) <= float(rows[-1]["away"])
+    assert "# Readings" in paths[0].read_text()
+
+
+def test_frames_are_spread_from_the_first_to_the_last(tmp_path):
+    for number in range(9):
+        np.column_stack([frame(number).points, np.ones(3000, np.float32)]).tofile(
+            tmp_path / f"{number:06d}.bin"
+        )
+    drive = open_drive(tmp_path)
+    assert [one.number for one in spread_frames(drive, 3)] == [0, 4, 8]
+    assert len(spread_frames(drive, 40)) == 9
+    assert consecutive_frames([drive]) == []

@@ -1,4 +1,4 @@
-"""``intervis reproduce``: the paper's tables and figures from one's own drive."""
+"""``intervis reproduce`` and ``intervis readings``: the paper's experiments on one's own drive."""
 
 from pathlib import Path
 from typing import Annotated
@@ -70,3 +70,40 @@ def reproduce(
     for note in (*experiment.notes, *([f"note: {report.missing}"] if report.missing else [])):
         tell(note)
     show(f"Report: {out / 'report.html'}")
+
+
+def readings(
+    sources: Annotated[list[Path], typer.Argument(help="Drives; four frames of each are used.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the tables.")],
+    frames: Annotated[
+        int, typer.Option("--frames", metavar="N", min=1, help="Frames of each drive.")
+    ] = 4,
+) -> None:
+    """Hold every reading of what the paper leaves open against its Table 2 (minutes)."""
+    from intervis.drives import open_drive
+    from intervis.report.paper_report import make_folders, write_readings
+    from intervis.report.paper_tables import choices_table
+    from intervis.reproduction.curve import tpi_curve
+    from intervis.reproduction.readings import (
+        chosen_reading,
+        compare_readings,
+        consecutive_frames,
+        count_geometries,
+        spread_frames,
+    )
+    from intervis.settings import Settings
+
+    drives = [open_drive(source) for source in sources]
+    make_folders(out, ())
+    chosen = [frame for drive in drives for frame in spread_frames(drive, frames)]
+    said = [
+        f"{drive.name} {', '.join(str(frame.number) for frame in spread_frames(drive, frames))}"
+        for drive in drives
+    ]
+    with progress("readings", count_geometries() + len(chosen)) as advance:
+        scores = compare_readings(chosen, consecutive_frames(drives), step=advance)
+        curve = tpi_curve(chosen, step=advance)
+    reading = chosen_reading(Settings())
+    for path in write_readings(scores, curve, reading, said, out):
+        tell(f"{path}")
+    show(choices_table(scores, reading).as_text())

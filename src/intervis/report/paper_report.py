@@ -10,7 +10,9 @@ from intervis.report import paper_tables as tables
 from intervis.report.page import Page, Picture, Remark
 from intervis.report.paper_figures import CAPTIONS, PLOTS, save_paper_figures
 from intervis.report.tables import Table
+from intervis.reproduction.curve import CurvePoint
 from intervis.reproduction.drive_experiment import DriveExperiment
+from intervis.reproduction.readings import Reading, ReadingScore
 from intervis.results import write_text
 from intervis.summary import describe, summarize
 
@@ -56,7 +58,7 @@ def write_paper_report(drive: "Drive", experiment: DriveExperiment, out: Path) -
     return PaperReport((*texts, *(picture.path for picture in pictures), *plots), missing)
 
 
-def make_folders(out: Path) -> None:
+def make_folders(out: Path, names: Sequence[str] = ("figures", "tables")) -> None:
     """Make the folders of a report: first thing, before minutes of work have gone into it.
 
     Raises
@@ -65,8 +67,9 @@ def make_folders(out: Path) -> None:
         They cannot be made.
     """
     try:
-        for folder in ("figures", "tables"):
-            (out / folder).mkdir(parents=True, exist_ok=True)
+        out.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            (out / name).mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(
             f"cannot write in {out}: {(error.strerror or 'no folder').lower()}; choose another"
@@ -167,3 +170,45 @@ def _markdown(page: Page, out: Path) -> str:
             blocks.append(f"![{part.heading}]({link})\n\n*{part.heading}.* {part.caption}")
     blocks += [f"<sub>{text}</sub>" for text in page.small_print]
     return "\n\n".join(blocks) + "\n"
+
+
+def write_readings(
+    scores: Sequence[ReadingScore],
+    curve: Sequence[CurvePoint],
+    reading: Reading,
+    sources: Sequence[str],
+    out: Path,
+) -> list[Path]:
+    """Write ``readings.md``, ``readings.csv`` (all of them) and ``granularity.csv``.
+
+    Parameters
+    ----------
+    scores : sequence of ReadingScore
+    curve : sequence of CurvePoint
+    reading : Reading
+        The one in force.
+    sources : sequence of str
+        Frames that were used, in words.
+    out : Path
+        Folder.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
+    """
+    blocks = [
+        "# Readings of the paper against its Table 2",
+        "Frames: " + "; ".join(sources) + ".",
+        tables.choices_table(scores, reading).as_markdown(),
+        tables.best_readings_table(scores).as_markdown(),
+        tables.curve_table(curve).as_markdown(),
+    ]
+    texts = {
+        out / "readings.md": "\n\n".join(block.rstrip() for block in blocks) + "\n",
+        out / "readings.csv": tables.readings_table(scores).as_csv(),
+        out / "granularity.csv": tables.curve_table(curve).as_csv(),
+    }
+    for path, text in texts.items():
+        write_text(path, text)
+    return list(texts)

@@ -8,11 +8,21 @@ import numpy as np
 from intervis.report.tables import Table
 from intervis.reproduction import paper
 from intervis.reproduction.claims import Claim, identity_residuals
+from intervis.reproduction.curve import CurvePoint
 from intervis.reproduction.experiment import FrameExperiment, agreement
+from intervis.reproduction.readings import Reading, ReadingScore
 from intervis.reproduction.steadiness import Steadiness
 
 DASH = "–"
 """Where there is no number: nothing to measure, or the paper prints a dash."""
+
+SCORE_HEADINGS = ("away", "worst", "std of TPI", "region IoU")
+
+NOTE_READINGS = (
+    "Away: mean absolute difference of TPI to Table 2 over all frames and granularities, points."
+    " Worst: greatest difference of the mean over the frames. Std of TPI (sample) and region"
+    " IoU: along consecutive frames at tau = 35. Not judged: line 1 of Algorithm 1 alone."
+)
 
 STAGES = ("S1", "S2", "S3", "TIME")
 
@@ -267,6 +277,79 @@ def steadiness_table(steady: Sequence[Steadiness]) -> Table:
             " 0.5 m cells that both meshes cover, laid over each other by the poses; mean over the"
             " pairs. By chance: regions of the same sizes strewn at random. Beyond chance:"
             " (IoU − chance) / (1 − chance). Then mean ± sample standard deviation.",
+        ),
+    )
+
+
+def readings_table(scores: Sequence[ReadingScore]) -> Table:
+    """Every reading, nearest to Table 2 first."""
+    return Table(
+        f"{len(scores)} readings against Table 2",
+        (*Reading._fields, *SCORE_HEADINGS, *(f"TPI {tau}" for tau in paper.TAUS)),
+        tuple(
+            (*score.reading, *_score_cells(score), *(f"{v:.2f}" for v in score.TPI.mean(axis=0)))
+            for score in scores
+        ),
+        (NOTE_READINGS,),
+    )
+
+
+def choices_table(scores: Sequence[ReadingScore], reading: Reading) -> Table:
+    """One reading, and what changing one choice of it at a time does."""
+    found = {score.reading: score for score in scores}
+    rows = [("as in force", ", ".join(reading), *_score_cells(found[reading]))]
+    for name in Reading._fields:
+        for score in scores:
+            others = score.reading._replace(**{name: getattr(reading, name)})
+            if score.reading != reading and others == reading:
+                rows.append((name, getattr(score.reading, name), *_score_cells(score)))
+    return Table(
+        "One choice changed at a time",
+        ("choice", "reading", *SCORE_HEADINGS),
+        tuple(rows),
+        (NOTE_READINGS,),
+    )
+
+
+def best_readings_table(scores: Sequence[ReadingScore], count: int = 12) -> Table:
+    """The readings nearest to Table 2 that judge by some criterion."""
+    judged = [score for score in scores if score.reading.criterion != "not judged"][:count]
+    return Table(
+        "Nearest to Table 2 (line 1 to 9 applied)",
+        (*Reading._fields, *SCORE_HEADINGS),
+        tuple((*score.reading, *_score_cells(score)) for score in judged),
+        (NOTE_READINGS,),
+    )
+
+
+def _score_cells(score: ReadingScore) -> tuple[str, ...]:
+    return (
+        f"{score.away:.2f}",
+        f"{score.worst:.1f}",
+        _number(score.TPI_std),
+        _number(score.iou),
+    )
+
+
+def curve_table(points: Sequence[CurvePoint]) -> Table:
+    """TPI lost and time against granularity."""
+    return Table(
+        "What coarser sampling costs",
+        ("tau", "nodes", "TPI %", "lost, mean", "lost, most", "frame ms"),
+        tuple(
+            (
+                str(point.tau),
+                f"{point.nodes:.0f}",
+                f"{point.TPI:.1f}",
+                f"{point.mean_lost:.1f}",
+                f"{point.most_lost:.1f}",
+                f"{point.total_ms:.1f}",
+            )
+            for point in points
+        ),
+        (
+            "Lost: points of TPI below the best of any finer granularity of the same frame, mean"
+            " and most over the frames.",
         ),
     )
 

@@ -24,9 +24,10 @@ from intervis.method.surface import Surface, build_surface
 from intervis.reproduction import paper
 from intervis.reproduction.experiment import Step
 from intervis.reproduction.steadiness import GroundRegion, draw_region, overlap
+from intervis.settings import Settings
 
 if TYPE_CHECKING:
-    from intervis.drives import Frame
+    from intervis.drives import Drive, Frame
 
 METRICS = ("mahalanobis", "normalized", "euclidean", "ground")
 CHARTS = ("ground", "angles", "polar")
@@ -35,6 +36,9 @@ GATES = ("degree", "mean", "shortest", "star_minimum", "none")
 CONCAVE_BOUNDARIES = ("every", "any")
 CRITERIA = ("elevation", "sight_angle", "sight_line", "not judged")
 """What lines 6 and 8 compare; "not judged" leaves lines 2 to 9 out: the gate of line 1 alone."""
+
+ALONG = 6
+"""Consecutive frames that tell how steady a reading is."""
 
 BISECTIONS = 12
 """Steps to find the radius that gives as many nodes as a granularity."""
@@ -129,6 +133,32 @@ def compare_readings(
             scores += _scores(views, along, metric, chart, sampling)
             step(f"{sampling}, {metric}, {chart}")
     return sorted(scores, key=lambda score: score.away)
+
+
+def count_geometries() -> int:
+    """How many steps `compare_readings` tells of."""
+    return len(METRICS) * len(CHARTS) * len(SAMPLINGS)
+
+
+def chosen_reading(settings: Settings) -> Reading:
+    """The reading that settings stand for."""
+    return Reading(*(getattr(settings, name) for name in Reading._fields))
+
+
+def spread_frames(drive: "Drive", count: int) -> "list[Frame]":
+    """At most `count` frames of a drive, spread evenly from its first to its last."""
+    numbers = drive.frame_numbers
+    places = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int)
+    return [drive[numbers[place]] for place in places]
+
+
+def consecutive_frames(drives: "Sequence[Drive]", count: int = ALONG) -> "list[Frame]":
+    """The first frames of the first drive with poses; none where there is no such drive."""
+    for drive in drives:
+        if drive.poses and len(drive) > 1:
+            posed = [number for number in drive.frame_numbers if number in drive.poses]
+            return [drive[number] for number in posed[:count]]
+    return []
 
 
 class _View:
