@@ -57,6 +57,7 @@ def _root(
 
 app.command("run")(_run.run)
 app.command("reproduce")(_reproduce.reproduce)
+app.command("readings")(_reproduce.readings)
 app.command("sight")(_sight.sight)
 app.command("evaluate")(_evaluate.evaluate)
 app.command("simulate")(_world.simulate)
