@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from intervis.cli import exit_code
-from intervis.cli.sight import in_words
+from intervis.cli.sight import in_words, remembered_scene
+from intervis.drives import open_drive
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Sight
 from small_drive import scan_folder
 
@@ -105,23 +106,17 @@ def test_a_wrong_request_gets_one_sentence(words, said, tmp_path, capsys):
 
 
 def test_other_frames_are_laid_over_by_their_poses(tmp_path, capsys):
-    drive = tmp_path / "drive"
-    drive.mkdir()
-    y, z = np.meshgrid(np.arange(-5, 5, 0.04), np.arange(-1.5, 1.5, 0.06))
-    ones = np.ones(y.size)
-    for number, x in ((0, -10.0), (1, 6.0)):  # a wall behind the first pose, one before the second
-        rows = np.stack([x * ones, y.ravel(), z.ravel(), ones], axis=1).astype("<f4")
-        rows.tofile(drive / f"{number:06d}.bin")
-    (drive / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 4 0 1 0 0 0 0 1 0\n")
-    command = ["sight", str(drive), "--frame", "0", "--from", "2,0,0", "--to", "20,1,0"]
-    assert exit_code(command) == 0
-    alone = capsys.readouterr().out
-    assert "frame 0, 1 scan;" in alone
-    assert "UNKNOWN" in alone
+    folder = scan_folder(tmp_path / "drive", (0, 1, 2))
+    # Frame 0 at the origin; frame 1 at x = 4; frame 2 at (4, 3), turned left by a quarter.
+    (folder / "poses.txt").write_text(
+        "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 4 0 1 0 0 0 0 1 0\n0 -1 0 4 1 0 0 3 0 0 1 0\n"
+    )
+    drive = open_drive(folder)
+    # As seen from frame 2: its x is the world's y, its y the world's -x.
+    poses = remembered_scene(drive, drive[2], (0, 3)).poses
+    np.testing.assert_allclose(poses[:, :3, 3], [[-3, 4, 0], [-3, 0, 0], [0, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(poses[0, :3, :3], [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(poses[2], np.eye(4), atol=1e-12)
+    command = ["sight", str(folder), "--frame", "2", "--from", "sensor", "--to", "9,1,0"]
     assert exit_code([*command, "--frames", ":"]) == 0
-    together = capsys.readouterr().out
-    assert "frame 0, 2 scans;" in together
-    assert "OCCLUDED" in together
-    # 6 m before a sensor that stands 4 m further on.
-    x = float(together.split("in the way at (")[1].split(",")[0])
-    assert x == pytest.approx(10, abs=0.3)
+    assert "frame 2, 3 scans;" in capsys.readouterr().out

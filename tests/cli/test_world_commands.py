@@ -1,6 +1,7 @@
 """`intervis simulate`, `intervis demo`, and the mistakes that a drive with a camera can hold."""
 
 import contextlib
+import csv
 import io
 import json
 import shutil
@@ -11,6 +12,7 @@ import pytest
 
 from intervis.cli import exit_code
 from intervis.drives import open_drive
+from small_drive import files_below
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,16 @@ def test_a_simulated_drive_runs_from_every_named_viewpoint(simulated, tmp_path):
         assert exit_code(["run", str(simulated), "--out", str(out), "--viewpoint", viewpoint]) == 0
 
 
+def test_a_run_can_be_shown_as_a_demo_is(simulated, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert exit_code(["run", str(simulated), "--out", str(out), "--report"]) == 0
+    assert f"Page: {out / 'index.html'}" in capsys.readouterr().out
+    assert (out / "pictures" / "overview.png").exists()
+    before = files_below(out / "frames")
+    assert exit_code(["run", str(simulated), "--out", str(out)]) == 0
+    assert files_below(out / "frames") == before
+
+
 def test_missing_calibration_is_named(copied, tmp_path, capsys):
     path = next(copied.rglob("calib_velo_to_cam.txt"))
     path.unlink()
@@ -87,8 +99,10 @@ def test_a_demo_leaves_drive_run_tables_pictures_and_page(demo):
     } <= there
     summary = json.loads((demo / "run" / "summary.json").read_text())
     measures = summary["frames"][0]["measures"]
-    row = (demo / "measures.csv").read_text().splitlines()[1].split(",")
-    assert row[:4] == ["0", *(str(measures[name]) for name in ("n_raw", "n_fov", "n"))]
+    (row,) = csv.DictReader(io.StringIO((demo / "measures.csv").read_text()))
+    assert row["frame"] == "0"
+    for heading, name in (("n_raw", "n_raw"), ("n_fov", "n_fov"), ("nodes n", "n"), ("SP", "SP")):
+        assert row[heading] == str(measures[name])
     page = (demo / "index.html").read_text()
     assert page.count("data:image/png;base64,") == 5
     assert "seed 1" in page

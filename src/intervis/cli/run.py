@@ -44,6 +44,10 @@ def run(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Change one setting; may be repeated."),
     ] = None,
+    report: Annotated[
+        bool,
+        typer.Option("--report", help="Draw the middle frame, and write tables and a page."),
+    ] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Remove an earlier run from --out first.")
     ] = False,
@@ -79,12 +83,26 @@ def run(
         complain(f"interrupted; the same command goes on from where it stopped in {out}.")
         raise typer.Exit(130) from None
     show_run(summary)
+    if report and summary.frames:
+        show_report(drive, summary, out)
     return 1 if summary.failures else 0
 
 
 def _mention_missing_camera(drive: "Drive", place: "Viewpoint") -> None:
     if drive.camera is None and place in ("camera", "start"):
         tell("note: this drive has no camera, so the viewpoint is the sensor.")
+
+
+def show_report(drive: "Drive", summary: "RunSummary", out: Path, source_note: str = "") -> None:
+    """Draw pictures, write tables and a page, and print where they are."""
+    from intervis.report.run_report import report_run
+
+    report = report_run(drive, summary, out, source_note=source_note)
+    for path in report.paths[1:]:
+        show(f"Report: {path}")
+    show(f"Page: {report.paths[0]}")
+    if report.missing is not None:
+        tell(f"note: {report.missing}")
 
 
 def show_run(summary: "RunSummary") -> None:

@@ -51,7 +51,7 @@ def sight(
     drive = open_drive(source, camera=camera)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
     from_point = from_point or _named_place(now, named)
-    scene = _scene(drive, now, asked_frames)
+    scene = remembered_scene(drive, now, asked_frames)
     remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
     show(f"{drive.name}, frame {now.number}, {remembered}; coordinates in its sensor's frame.")
     show(in_words(from_point, to_point, scene.sight(from_point, [to_point])))
@@ -69,7 +69,9 @@ def _named_place(frame: "Frame", name: str | None) -> Place:
     return x, y, z
 
 
-def _scene(drive: "Drive", now: "Frame", frames: tuple[int | None, int | None] | None) -> "Scene":
+def remembered_scene(
+    drive: "Drive", now: "Frame", frames: tuple[int | None, int | None] | None
+) -> "Scene":
     """What frame `now` saw, and the other frames asked for, all in its sensor's frame."""
     from intervis.errors import DriveError
     from intervis.sight import Scene

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from intervis.cli.run import show_run
-from intervis.cli.terminal import progress, show, tell
+from intervis.cli.run import show_report, show_run
+from intervis.cli.terminal import progress, show
 
 Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Number of frames.")]
 Seed = Annotated[int, typer.Option("--seed", metavar="S", help="The same seed, the same drive.")]
@@ -36,7 +36,6 @@ def demo(
     Writes the drive, its results, tables, pictures and a page to open.
     """
     from intervis.drives import open_drive
-    from intervis.report.run_report import report_run
     from intervis.stream import run as run_drive
 
     drive = open_drive(_simulate(out / "drive", frames, seed))
@@ -48,14 +47,9 @@ def demo(
             overwrite=True,
         )
     show_run(summary)
-    note = f"A simulated drive through the built-in street, seed {seed}."
-    report = report_run(drive, summary, out, source_note=note)
     show(f"Drive: {drive.root}")
-    for path in report.paths[1:]:
-        show(f"Report: {path}")
-    show(f"Page: {report.paths[0]}")
-    if report.missing is not None:
-        tell(f"note: {report.missing}")
+    note = f"A simulated drive through the built-in street, seed {seed}."
+    show_report(drive, summary, out, note)
     return 1 if summary.failures else 0
 
 
