@@ -45,7 +45,8 @@ def compare(scene: Scene, a, b) -> None:
     found = judge_lines(memory, *_ordered(a, b))
     for i in range(len(a)):
         verdict = judge_line(memory, a[i], b[i])
-        assert found.exponent[i] == pytest.approx(verdict.exponent, abs=1e-9), (a[i], b[i])
+        assert found.open[i] == pytest.approx(verdict.open, abs=1e-9), (a[i], b[i])
+        assert found.hidden[i] == pytest.approx(verdict.hidden, abs=1e-9), (a[i], b[i])
         assert found.seen[i] == pytest.approx(verdict.seen, abs=1e-9), (a[i], b[i])
         assert found.unknown_m[i] == pytest.approx(verdict.unknown_m, abs=1e-9), (a[i], b[i])
 

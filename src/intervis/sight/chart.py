@@ -4,7 +4,7 @@ A LiDAR scan is a height field over the sphere. Its chart is an image: columns a
 are the slope t = z / rho (rho the horizontal range, so that a plane's 1/rho is linear in t within
 a column: interpolating 1/rho between two beams is exact on walls and on the ground). A cell holds
 
-    > 0    the surface's rho in metres, and its neighbours agree with it: a solid surface,
+    > 0    the surface's rho, and its neighbours agree with it: a solid surface,
     < 0    minus that rho where the neighbours disagree: leaves, wires, edges, lone returns,
     0      nothing: no beam went there, or none came back. Never "free".
 
@@ -16,15 +16,16 @@ a gap keeps half a beam spacing around itself, no more.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intervis.arrays import BoolArray, Float32Array, Float64Array, FloatArray, IntArray
+from intervis.arrays import Float32Array, Float64Array, FloatArray, IntArray
 from intervis.kernels import kernel
 from intervis.sight.ground import ground_below
 from intervis.sight.sensor import Sensor
 
 COLUMN_SHARE = 2.0
 """Columns are this many azimuth steps wide, so that each beam has a return in each."""
-ROWS_PER_BEAM = 4.0
+ROWS_PER_BEAM = 3.0
 """Rows in one spacing of the densest beams."""
 STEEPEST = 2.0
 """Slopes beyond +-2 (63 degrees) are off the chart."""
@@ -34,6 +35,8 @@ GAP_SHARE = 2.6
 """A gap wider than this many beam spacings holds no surface."""
 AGREE_SHARE = 0.04
 """Neighbours agree when their 1/rho differs by less than this share."""
+Int16Array = NDArray[np.int16]
+_MOST_UNITS = 32767.0
 _BANDS = 40
 _FINE = 16384
 _MOST_ROWS = 512
@@ -47,8 +50,10 @@ class Chart:
 
     Attributes
     ----------
-    rho_m : (C, R) float32 array
-        Signed horizontal range of the surface, metres: see the module's text.
+    cells : (R, C) int16 array
+        Signed horizontal range of the surface in units: see the module's text.
+    unit_m : float
+        Metres in a unit: the range divided by 32767, millimetres.
     slope_from, slope_step : float
         Row r lies at the slope z / rho = slope_from + r slope_step.
     ground_m : (G, G) float32 array
@@ -58,7 +63,8 @@ class Chart:
         How many returns it was made of.
     """
 
-    rho_m: Float32Array
+    cells: Int16Array
+    unit_m: float
     slope_from: float
     slope_step: float
     ground_m: Float32Array
@@ -201,8 +207,8 @@ def _row(slope: float, slope_from: float, slope_step: float, rows: int) -> int:
 
 
 @kernel
-def _mark_scatter(image: Float32Array, far: int, scatter: BoolArray) -> None:
-    """Which cells are scattered: fewer than three of four neighbours agree in 1 / rho.
+def _store(image: Float32Array, far: int, units_per_m: float, cells: Int16Array) -> None:
+    """Store rho in units, negative where fewer than three of four neighbours agree in 1 / rho.
 
     The neighbours above and below are `far` rows away, one beam, and may differ twice as much.
     """
@@ -213,6 +219,7 @@ def _mark_scatter(image: Float32Array, far: int, scatter: BoolArray) -> None:
         here = image[c]
         for k in range(rows):
             r = here[k]
+            cells[k, c] = 0
             if r == 0.0:
                 continue
             agree = 0
@@ -224,7 +231,8 @@ def _mark_scatter(image: Float32Array, far: int, scatter: BoolArray) -> None:
                 agree += 1
             if k + far < rows and abs(r - here[k + far]) < 2.0 * AGREE_SHARE * here[k + far]:
                 agree += 1
-            scatter[c, k] = agree < 3
+            units = max(r * units_per_m, 1.0)
+            cells[k, c] = units if agree >= 3 else -units
 
 
 def chart_of(points_velo: FloatArray, sensor: Sensor) -> Chart:
@@ -248,7 +256,7 @@ def chart_of(points_velo: FloatArray, sensor: Sensor) -> Chart:
     >>> azimuth = np.radians(np.arange(0, 360, 0.2))
     >>> ring = np.c_[10 * np.cos(azimuth), 10 * np.sin(azimuth), np.zeros(len(azimuth))]
     >>> chart = chart_of(ring, GENERIC)
-    >>> round(float(np.abs(chart.rho_m).max()), 3)
+    >>> round(float(chart.unit_m * np.abs(chart.cells).max()), 2)
     10.0
     """
     xyz = np.ascontiguousarray(points_velo[:, :3], dtype=np.float64)
@@ -263,8 +271,8 @@ def chart_of(points_velo: FloatArray, sensor: Sensor) -> Chart:
     columns = max(8, round(360.0 / (COLUMN_SHARE * sensor.azimuth_step_deg)))
     usual = np.tan(np.radians(sensor.beam_spacing_deg))
     if len(kept) == 0:
-        empty = np.zeros((columns, 2), np.float32)
-        return Chart(empty, 0.0, usual, ground_below(xyz[:0]), 0)
+        empty = np.zeros((2, columns), np.int16)
+        return Chart(empty, 1.0, 0.0, float(usual), ground_below(xyz[:0]), 0)
 
     column, fine = np.zeros(len(xyz), np.int64), np.zeros(len(xyz), np.int64)
     column[kept] = np.minimum(turn[kept] * (columns / TURN), columns - 1)
@@ -279,7 +287,8 @@ def chart_of(points_velo: FloatArray, sensor: Sensor) -> Chart:
     rows = int((high + 2.0 * gaps.max() - slope_from) / step) + 2
     image = np.zeros((columns, rows), np.float32)
     _draw(rho, slope, order, start, gaps, slope_from, step, image)
-    scatter = np.zeros(image.shape, np.bool_)
-    _mark_scatter(image, round(ROWS_PER_BEAM), scatter)
-    np.negative(image, out=image, where=scatter)
-    return Chart(image, float(slope_from), float(step), ground_below(xyz[kept]), len(kept))
+    unit_m = float(rho[order].max()) / _MOST_UNITS
+    cells = np.empty((rows, columns), np.int16)
+    _store(image, round(ROWS_PER_BEAM), 1.0 / unit_m, cells)
+    ground_m = ground_below(xyz[kept])
+    return Chart(cells, unit_m, float(slope_from), float(step), ground_m, len(kept))

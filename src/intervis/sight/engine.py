@@ -6,27 +6,15 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.kernels import in_parts, kernel
 from intervis.sight.chart import TURN, turn_of
-from intervis.sight.evidence import (
-    DEPTH_TABLE_FROM_M,
-    END_M,
-    HEIGHT_TABLE,
-    HEIGHT_TABLE_FROM_M,
-    MARK_M,
-    NOISE,
-    RATE_PER_M,
-    SCANS,
-    SCATTER_TABLE,
-    SOLID_TABLE,
-    SURFACE_FROM_M,
-    SURFACE_TO_M,
-    TABLE_STEP_M,
-    scan_weights,
-)
+from intervis.sight.evidence import MODEL, NOISE, Model
 from intervis.sight.ground import CELL_M, CELLS
+
+Int16Array = NDArray[np.int16]
 
 CARRIED = 0.1
 """Between two rows the surface is interpolated where rho differs by less than this share."""
@@ -36,6 +24,12 @@ MOST_MARKS = 2048
 """Longer lines get longer pieces."""
 
 
+# Rows of what the scans say about the marks of a line: summed log-odds, least gap before a seen
+# surface, least distance from one that is met, which scan saw that one, weight of the crossings;
+# and the height above the ground that the nearest scan saw.
+ODDS, GAP, DEPTH, SCAN, CROSSED, HEIGHT = range(6)
+
+
 class Memory(NamedTuple):
     """Charts of S scans, oldest first, laid out for kernels.
 
@@ -43,12 +37,13 @@ class Memory(NamedTuple):
     (S, 3, 4); `position` (S, 3) are the sensors' places in the scene; `ground` is (S, G, G).
     """
 
-    cells: Float32Array
+    cells: Int16Array
+    unit_m: Float64Array
     offset: IntArray
     columns: IntArray
     rows: IntArray
     slope_from: Float64Array
-    slope_step: Float64Array
+    rows_per_slope: Float64Array
     sensor_from_scene: Float64Array
     position: Float64Array
     ground: Float32Array
@@ -57,24 +52,31 @@ class Memory(NamedTuple):
 class Findings(NamedTuple):
     """What the marks of L lines add up to; see `evidence`.
 
-    `exponent` is -log P(visible); `seen` its part from marks at seen surfaces; `unknown_m` the
-    length that no scan saw; `clearance_m` the least gap to a surface or the ground on the way
-    (inf with none); `worst_m` the distance from the line's first end to the mark most likely
-    filled at a seen surface, `worst_scan` the scan that says so (-1: there is none).
+    The exponent -log P(visible) in three parts: `open`, marks in free space; `seen`, marks at
+    seen surfaces and crossings; `hidden`, marks that no scan saw, whose length is `unknown_m`.
+    `clearance_m` is the least gap to a surface or the ground on the way (inf with none);
+    `worst_m` the distance from the line's first end to the mark at a seen surface that is most
+    likely filled, `worst_scan` the scan that says so (-1: there is none).
     """
 
-    exponent: Float64Array
+    open: Float64Array
     seen: Float64Array
+    hidden: Float64Array
     unknown_m: Float64Array
     clearance_m: Float64Array
     worst_m: Float64Array
     worst_scan: IntArray
 
+    @property
+    def exponent(self) -> Float64Array:
+        """-log P(visible)."""
+        return NOISE + self.open + self.seen + self.hidden
+
 
 @kernel
 def surface_at(memory: Memory, k: int, x: float, y: float, z: float, rho: float) -> float:
     """Signed surface rho of scan k in the direction of (x, y, z), see `chart`; 0 for nothing."""
-    f = (z / rho - memory.slope_from[k]) / memory.slope_step[k]
+    f = (z / rho - memory.slope_from[k]) * memory.rows_per_slope[k]
     rows = memory.rows[k]
     if not (0.0 <= f < rows - 1.0):
         return 0.0
@@ -82,16 +84,14 @@ def surface_at(memory: Memory, k: int, x: float, y: float, z: float, rho: float)
     r = int(f)
     f -= r
     c = min(int(turn_of(x, y) * (columns / TURN)), columns - 1)
-    at = memory.offset[k] + c * rows + r
-    low = memory.cells[at]
-    high = memory.cells[at + 1]
-    below = float(abs(low))
-    above = float(abs(high))
+    at = memory.offset[k] + r * columns + c
+    low = float(memory.cells[at])
+    high = float(memory.cells[at + columns])
     near = high if f >= 0.5 else low
-    if below > 0.0 and above > 0.0 and abs(below - above) < CARRIED * min(below, above):
-        mixed = below + (above - below) * f
-        return float(mixed if near > 0.0 else -mixed)
-    return float(near)
+    surface = abs(near)
+    if near != 0.0 and abs(abs(low) - abs(high)) < CARRIED * min(abs(low), abs(high)):
+        surface = abs(low) + (abs(high) - abs(low)) * f
+    return float(surface * memory.unit_m[k] if near > 0.0 else -surface * memory.unit_m[k])
 
 
 @kernel
@@ -122,13 +122,73 @@ def _nearest_scans(
 
 
 @kernel
-def _entry(table: Float64Array, value: float, start: float) -> float:
-    at = (value - start) / TABLE_STEP_M
-    if not at > 0.0:
-        return float(table[0])
-    if at >= len(table):
-        return float(table[-1])
-    return float(table[int(at)])
+def _say_of_scan(
+    memory: Memory,
+    k: int,
+    a: Float64Array,
+    b: Float64Array,
+    marks: int,
+    skipped: int,
+    first: bool,
+    weight: float,
+    model: Model,
+    say: Float64Array,
+) -> None:
+    """Add one scan's say to the marks of one line; rows of `say` are named below."""
+    g = memory.sensor_from_scene[k]
+    start = np.empty(3)
+    along = np.empty(3)
+    for axis in range(3):
+        start[axis] = g[axis, 0] * a[0] + g[axis, 1] * a[1] + g[axis, 2] * a[2] + g[axis, 3]
+        along[axis] = (
+            g[axis, 0] * (b[0] - a[0]) + g[axis, 1] * (b[1] - a[1]) + g[axis, 2] * (b[2] - a[2])
+        )
+    u0, v0, w0 = start[0], start[1], start[2]
+    du, dv, dw = along[0], along[1], along[2]
+    rows, columns, offset = memory.rows[k], memory.columns[k], memory.offset[k]
+    slope_from, rows_per_slope = memory.slope_from[k], memory.rows_per_slope[k]
+    unit_m, ground = memory.unit_m[k], memory.ground[k]
+    cells = memory.cells
+    columns_per_turn = columns / TURN
+    last_row, last_entry = rows - 1.0, len(model.solid) - 1.0
+    half = 0.5 * CELLS * CELL_M
+    before = np.nan
+    for m in range(skipped, marks - skipped):
+        s = (m + 0.5) / marks
+        u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
+        if first:
+            p = int(min(max((u + half) / CELL_M, 0.0), CELLS - 1.0))
+            q = int(min(max((v + half) / CELL_M, 0.0), CELLS - 1.0))
+            say[HEIGHT, m] = w - ground[p, q]
+        rho = np.sqrt(u * u + v * v)
+        f = (w / rho - slope_from) * rows_per_slope
+        if not (0.0 <= f < last_row):
+            before = np.nan
+            continue
+        r = int(f)
+        f -= r
+        at = offset + r * columns + min(int(turn_of(u, v) * columns_per_turn), columns - 1)
+        low, high = float(cells[at]), float(cells[at + columns])
+        near = high if f >= 0.5 else low
+        if near == 0.0:
+            before = np.nan
+            continue
+        below, above = abs(low), abs(high)
+        surface = abs(near)
+        if abs(below - above) < CARRIED * min(below, above):
+            surface = below + (above - below) * f
+        depth = rho - surface * unit_m
+        entry = int(min(max((depth - model.depth_from_m) * model.per_m, 0.0), last_entry))
+        say[ODDS, m] += weight * (model.solid[entry] if near > 0.0 else model.scatter[entry])
+        if depth < model.surface_from_m:
+            say[GAP, m] = min(say[GAP, m], -depth)
+        elif depth <= model.surface_to_m and abs(depth) < say[DEPTH, m]:
+            say[DEPTH, m] = abs(depth)
+            say[SCAN, m] = k
+        if before * depth <= 0.0 and abs(depth - before) < model.crossing_m:
+            # the surface blocks at whichever of the two marks lies behind it
+            say[CROSSED, m if depth > before else m - 1] += weight
+        before = depth
 
 
 @kernel
@@ -136,105 +196,78 @@ def _judge_lines(
     memory: Memory,
     first: Float64Array,
     second: Float64Array,
-    weights: Float64Array,
-    solid: Float64Array,
-    scatter: Float64Array,
-    heights: Float64Array,
+    model: Model,
     start: int,
     stop: int,
     found: Findings,
 ) -> None:
-    chosen = np.empty(weights.shape[1], np.int64)
-    rank = np.empty(weights.shape[1])
-    half = 0.5 * CELLS * CELL_M
+    chosen = np.empty(model.weights.shape[1], np.int64)
+    rank = np.empty(model.weights.shape[1])
+    say = np.empty((6, MOST_MARKS))
     for i in range(start, stop):
         a, b = first[i], second[i]
-        count = _nearest_scans(memory, a, b, chosen, rank)
-        dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        marks = int(min(max(np.ceil(length / MARK_M), 1.0), float(MOST_MARKS)))
+        length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+        marks = int(min(max(np.ceil(length / model.mark_m), 1.0), float(MOST_MARKS)))
         piece = length / marks
-        exponent, seen, unknown, clearance = NOISE, 0.0, 0.0, np.inf
+        # Marks up to end_m from the ends: the first kept one is the first beyond it.
+        skipped = int(np.floor(model.end_m / piece + 0.5)) if length > 2.0 * model.end_m else marks
+        say[ODDS, :marks] = 0.0
+        say[GAP, :marks] = np.inf
+        say[DEPTH, :marks] = np.inf
+        say[CROSSED, :marks] = 0.0
+        count = _nearest_scans(memory, a, b, chosen, rank)
+        for n in range(count):
+            weight = model.weights[count - 1, n]
+            _say_of_scan(memory, chosen[n], a, b, marks, skipped, n == 0, weight, model, say)
+        free, seen, hidden, unknown, clearance = 0.0, 0.0, 0.0, 0.0, np.inf
         worst, worst_at, worst_scan = 0.0, 0.0, -1
-        for m in range(marks):
-            s = (m + 0.5) / marks
-            if min(s, 1.0 - s) * length <= END_M:
-                continue
-            x, y, z = a[0] + s * dx, a[1] + s * dy, a[2] + s * dz
-            odds, height, gap = 0.0, 0.0, np.inf
-            scan_here, depth_here, free, surface = -1, np.inf, False, False
-            for n in range(count):
-                k = chosen[n]
-                g = memory.sensor_from_scene[k]
-                u = g[0, 0] * x + g[0, 1] * y + g[0, 2] * z + g[0, 3]
-                v = g[1, 0] * x + g[1, 1] * y + g[1, 2] * z + g[1, 3]
-                w = g[2, 0] * x + g[2, 1] * y + g[2, 2] * z + g[2, 3]
-                if n == 0:
-                    p = min(max(int((u + half) / CELL_M), 0), CELLS - 1)
-                    q = min(max(int((v + half) / CELL_M), 0), CELLS - 1)
-                    height = w - memory.ground[k, p, q]
-                rho = np.sqrt(u * u + v * v)
-                here = surface_at(memory, k, u, v, w, rho)
-                if here == 0.0:
-                    continue
-                depth = rho - abs(here)
-                table = solid if here > 0.0 else scatter
-                odds += weights[count - 1, n] * _entry(table, depth, DEPTH_TABLE_FROM_M)
-                if depth < SURFACE_FROM_M:
-                    free = True
-                    gap = min(gap, -depth)
-                elif depth <= SURFACE_TO_M:
-                    surface = True
-                    if abs(depth) < depth_here:
-                        depth_here, scan_here = abs(depth), k
-            odds += _entry(heights, height, HEIGHT_TABLE_FROM_M)
-            filled = RATE_PER_M * piece / (1.0 + np.exp(-odds))
-            exponent += filled
-            if surface:
+        for m in range(skipped, marks - skipped):
+            entry = (say[HEIGHT, m] - model.height_from_m) * model.per_m
+            odds = say[ODDS, m] + model.heights[int(min(max(entry, 0.0), len(model.heights) - 1.0))]
+            entry = (odds - model.share_from) * model.shares_per_odds
+            share = model.shares[int(min(max(entry, 0.0), len(model.shares) - 1.0))]
+            filled = model.rate_per_m * piece * share
+            if say[DEPTH, m] < np.inf:
+                filled += model.crossing * share * say[CROSSED, m]
                 seen += filled
                 if filled > worst:
-                    worst, worst_at, worst_scan = filled, s * length, scan_here
-            elif not free:
-                unknown += piece
+                    worst, worst_scan = filled, int(say[SCAN, m])
+                    worst_at = (m + 0.5) * piece
+            elif say[GAP, m] < np.inf:
+                free += filled
+                clearance = min(clearance, max(min(say[GAP, m], say[HEIGHT, m]), 0.0))
             else:
-                clearance = min(clearance, max(min(gap, height), 0.0))
-        found.exponent[i] = exponent
+                hidden += filled
+                unknown += piece
+        found.open[i] = free
         found.seen[i] = seen
+        found.hidden[i] = hidden
         found.unknown_m[i] = unknown
         found.clearance_m[i] = clearance
         found.worst_m[i] = worst_at
         found.worst_scan[i] = worst_scan
 
 
-def weight_table() -> Float64Array:
-    """Row n - 1 holds the weights of n scans."""
-    table = np.zeros((SCANS, SCANS))
-    for count in range(1, SCANS + 1):
-        table[count - 1, :count] = scan_weights(count)
-    return table
-
-
-def judge_lines(memory: Memory, first: Float64Array, second: Float64Array) -> Findings:
+def judge_lines(
+    memory: Memory, first: Float64Array, second: Float64Array, model: Model = MODEL
+) -> Findings:
     """Findings for L lines between finite points `first` and `second`, (L, 3) each, scene frame.
 
     The caller orders the two ends, so that a line and its reverse are the same line here.
     """
     count = len(first)
     found = Findings(
-        exponent=np.empty(count),
+        open=np.empty(count),
         seen=np.empty(count),
+        hidden=np.empty(count),
         unknown_m=np.empty(count),
         clearance_m=np.empty(count),
         worst_m=np.empty(count),
         worst_scan=np.empty(count, np.int64),
     )
-    weights = weight_table()
 
     def work(start: int, stop: int) -> None:
-        _judge_lines(
-            memory, first, second, weights, SOLID_TABLE, SCATTER_TABLE, HEIGHT_TABLE,
-            start, stop, found,
-        )  # fmt: skip
+        _judge_lines(memory, first, second, model, start, stop, found)
 
     in_parts(work, count, least=512)
     return found

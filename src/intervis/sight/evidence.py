@@ -16,16 +16,22 @@ beside what the height above ground alone makes of it:
 
     odds = height_odds(h) + sum_k weight_k depth_odds(d_k)
 
-and a filled mark stops the line with `RATE_PER_M` per metre. The line's probability is
+and a filled mark stops the line with `RATE_PER_M` per metre; where the line passes through a
+surface from one mark to the next (d changes sign by less than `CROSSING_M`), the mark behind it
+stops it by `CROSSING` times the weight more:
 
-    P(visible) = exp(-(NOISE + sum over marks of RATE_PER_M * length / (1 + exp(-odds))))
+    share = 1 / (1 + exp(-odds))
+    stop = share (RATE_PER_M length + CROSSING crossings)
+    P(visible) = exp(-(NOISE + sum of stop over all marks))
 
-and its state, with `seen` the part of that exponent from marks within reach of a seen surface
-(-0.2 m <= d <= 1.3 m for some scan), and `unknown` the length of marks that no scan saw (neither
-free nor within that reach):
+That sum has three parts: `seen` from marks at surfaces (-0.2 m <= d <= 1.3 m for some scan),
+`open` from other marks that some scan saw free, and `hidden` from marks that no scan saw. The
+three answers are
 
-    visible  (1)   P >= VISIBLE_FROM and unknown <= UNKNOWN_M
-    occluded (0)   P < OCCLUDED_BELOW and exp(-seen) < OCCLUDED_BELOW + SEEN_SLACK
+    occluded (0)   seen > OCCLUDED_SEEN: it meets a surface that some beam has hit
+    visible  (1)   seen < VISIBLE_SEEN, hidden < VISIBLE_HIDDEN, P >= VISIBLE_FROM, and no more
+                   than UNKNOWN_M and UNKNOWN_SHARE of it is hidden: it runs through space that
+                   beams have crossed
     unknown (-1)   everything else
 
 All of it is even in the two ends: the answer for (a, b) is the answer for (b, a).
@@ -34,6 +40,8 @@ The numbers were fitted by maximum likelihood to held-out returns (`intervis.tru
 pairs of a public KITTI drive, smoothness demanded, and hold on other pairs and drives as
 `docs/accuracy.md` reports.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,11 +54,11 @@ SCANS = 6
 FADE = 0.6
 """Each further scan's say is this share of the one before."""
 RATE_PER_M = 1.31
+CROSSING, CROSSING_M = 2.0, 0.6
 NOISE = 2e-3
-VISIBLE_FROM = 0.85
-OCCLUDED_BELOW = 0.4
-UNKNOWN_M = 3.0
-SEEN_SLACK = 0.2
+VISIBLE_FROM, VISIBLE_SEEN, VISIBLE_HIDDEN = 0.8, 0.15, 0.2
+UNKNOWN_M, UNKNOWN_SHARE = 8.0, 0.7
+OCCLUDED_SEEN = 1.05
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
 
 DEPTH_M = np.array([-4, -1.5, -0.7, -0.3, -0.1, 0.1, 0.3, 0.6, 1, 1.6, 2.5, 4, 7, 12, 20])
@@ -63,7 +71,8 @@ SCATTER_ODDS = np.array(
 HEIGHT_M = np.array([-0.3, 0.1, 0.4, 0.8, 1.2, 1.6, 2, 2.6, 3.5, 6])
 HEIGHT_ODDS = np.array([-5, -4.51, -3.99, -3.85, -3.55, -4.42, -5.48, -5.86, -6.62, -7.36])
 
-TABLE_STEP_M = 0.05
+TABLE_PER_M = 20.0
+SHARES_PER_ODDS, SHARE_TABLE_FROM = 32.0, -12.0
 DEPTH_TABLE_FROM_M, HEIGHT_TABLE_FROM_M = -4.0, -0.5
 
 
@@ -93,13 +102,63 @@ def height_odds(height_m: Float64Array) -> Float64Array:
 
 
 def _table(start: float, knots: Float64Array, values: Float64Array) -> Float64Array:
-    """Values at the middles of steps of TABLE_STEP_M from `start` to past the last knot."""
-    count = int(np.ceil((knots[-1] - start) / TABLE_STEP_M)) + 1
-    middles = start + (np.arange(count) + 0.5) * TABLE_STEP_M
+    """Values at the middles of steps of 1 / TABLE_PER_M from `start` to past the last knot."""
+    count = int(np.ceil((knots[-1] - start) * TABLE_PER_M)) + 1
+    middles = start + (np.arange(count) + 0.5) / TABLE_PER_M
     return np.asarray(np.interp(middles, knots, values))
 
 
-SOLID_TABLE = _table(DEPTH_TABLE_FROM_M, DEPTH_M, SOLID_ODDS)
-SCATTER_TABLE = _table(DEPTH_TABLE_FROM_M, DEPTH_M, SCATTER_ODDS)
-HEIGHT_TABLE = _table(HEIGHT_TABLE_FROM_M, HEIGHT_M, HEIGHT_ODDS)
-"""The three curves in steps of 5 cm: what engine and oracle read, so that they agree exactly."""
+class Model(NamedTuple):
+    """All numbers of this module as kernels take them: curves as tables in steps of 5 cm.
+
+    They are handed to kernels at run time, for compiled code that is kept on disk would go on
+    with the numbers it was compiled with.
+    """
+
+    mark_m: float
+    end_m: float
+    rate_per_m: float
+    crossing: float
+    crossing_m: float
+    surface_from_m: float
+    surface_to_m: float
+    depth_from_m: float
+    height_from_m: float
+    per_m: float
+    share_from: float
+    shares_per_odds: float
+    solid: Float64Array
+    scatter: Float64Array
+    heights: Float64Array
+    shares: Float64Array
+    weights: Float64Array
+
+
+def usual_model() -> Model:
+    """The model as fitted; engine and oracle read the same tables, so that they agree exactly."""
+    share_odds = SHARE_TABLE_FROM + (np.arange(768) + 0.5) / SHARES_PER_ODDS
+    weights = np.zeros((SCANS, SCANS))
+    for count in range(1, SCANS + 1):
+        weights[count - 1, :count] = scan_weights(count)
+    return Model(
+        mark_m=MARK_M,
+        end_m=END_M,
+        rate_per_m=RATE_PER_M,
+        crossing=CROSSING,
+        crossing_m=CROSSING_M,
+        surface_from_m=SURFACE_FROM_M,
+        surface_to_m=SURFACE_TO_M,
+        depth_from_m=DEPTH_TABLE_FROM_M,
+        height_from_m=HEIGHT_TABLE_FROM_M,
+        per_m=TABLE_PER_M,
+        share_from=SHARE_TABLE_FROM,
+        shares_per_odds=SHARES_PER_ODDS,
+        solid=_table(DEPTH_TABLE_FROM_M, DEPTH_M, SOLID_ODDS),
+        scatter=_table(DEPTH_TABLE_FROM_M, DEPTH_M, SCATTER_ODDS),
+        heights=_table(HEIGHT_TABLE_FROM_M, HEIGHT_M, HEIGHT_ODDS),
+        shares=1.0 / (1.0 + np.exp(-share_odds)),
+        weights=weights,
+    )
+
+
+MODEL = usual_model()

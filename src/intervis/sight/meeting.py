@@ -63,20 +63,22 @@ def _miss(memory: Memory, k: int, x: float, y: float, z: float) -> float:
     rho = np.sqrt(u * u + v * v)
     rows = memory.rows[k]
     columns = memory.columns[k]
-    r = int((w / rho - memory.slope_from[k]) / memory.slope_step[k] + 0.5)
+    r = int((w / rho - memory.slope_from[k]) * memory.rows_per_slope[k] + 0.5)
     c = min(int(turn_of(u, v) * (columns / TURN)), columns - 1)
     if not 0 <= r < rows:
         return 0.0
     least = FARTHEST_MISS_M
     for way in range(4):
-        step = rho * (memory.slope_step[k] if way < 2 else 2.0 * np.pi / columns)
+        step = rho * (1.0 / memory.rows_per_slope[k] if way < 2 else 2.0 * np.pi / columns)
         n = 1
         while n * step < least:
             row = r + n if way == 0 else (r - n if way == 1 else r)
             column = c + n if way == 2 else (c - n if way == 3 else c)
             if not 0 <= row < rows:
                 break
-            here = abs(memory.cells[memory.offset[k] + (column % columns) * rows + row])
+            here = memory.unit_m[k] * abs(
+                float(memory.cells[memory.offset[k] + row * columns + column % columns])
+            )
             if here == 0.0 or here > rho:
                 least = n * step
                 break

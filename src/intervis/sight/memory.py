@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array
+from intervis.arrays import Float64Array
 from intervis.errors import SettingsError
 from intervis.sight.chart import Chart
-from intervis.sight.engine import Memory
+from intervis.sight.engine import Int16Array, Memory
 from intervis.transform import inverse
 
 SAME_POSE = 1e-6
@@ -45,7 +45,7 @@ class ScanMemory:
             raise SettingsError(f"most_bytes must be 1 or more, got {most_bytes}.")
         self.most_scans = most_scans
         self.most_bytes = most_bytes
-        self._pool: Float32Array = np.zeros((0, 0), np.float32)
+        self._pool: Int16Array = np.zeros((0, 0), np.int16)
         self._kept: list[_Kept] = []
         self._packed: Memory | None = None
 
@@ -66,23 +66,23 @@ class ScanMemory:
         """Remember a scan, and forget another one if there is no room."""
         self._packed = None
         self._forget_equal(chart, scene_from_sensor)
-        cells = max(chart.rho_m.size, self._pool.shape[1])
-        room = max(1, min(self.most_scans, self.most_bytes // (4 * cells + chart.ground_m.nbytes)))
+        cells = max(chart.cells.size, self._pool.shape[1])
+        room = max(1, min(self.most_scans, self.most_bytes // (2 * cells + chart.ground_m.nbytes)))
         while len(self._kept) >= room:
             self._forget_one(scene_from_sensor)
         self._make_slots(cells, room)
         used = {kept.slot for kept in self._kept}
         slot = next(slot for slot in range(len(self._pool)) if slot not in used)
-        place = self._pool[slot, : chart.rho_m.size].reshape(chart.rho_m.shape)
-        place[:] = chart.rho_m
-        self._kept.append(_Kept(slot, replace(chart, rho_m=place), scene_from_sensor))
+        place = self._pool[slot, : chart.cells.size].reshape(chart.cells.shape)
+        place[:] = chart.cells
+        self._kept.append(_Kept(slot, replace(chart, cells=place), scene_from_sensor))
 
     def _forget_equal(self, chart: Chart, pose: Float64Array) -> None:
         for at, kept in enumerate(self._kept):
             if (
                 kept.chart.returns == chart.returns
                 and np.abs(kept.pose - pose).max() < SAME_POSE
-                and np.array_equal(kept.chart.rho_m, chart.rho_m)
+                and np.array_equal(kept.chart.cells, chart.cells)
             ):
                 del self._kept[at]
                 return
@@ -100,12 +100,12 @@ class ScanMemory:
             slots = min(room, slots * 3 // 2 + 1)
         if room < slots or (slots, cells) != self._pool.shape:
             slots = min(slots, room)
-            pool = np.zeros((slots, cells), np.float32)
+            pool = np.zeros((slots, cells), np.int16)
             for slot, kept in enumerate(self._kept):
-                image = kept.chart.rho_m
+                image = kept.chart.cells
                 place = pool[slot, : image.size].reshape(image.shape)
                 place[:] = image
-                self._kept[slot] = _Kept(slot, replace(kept.chart, rho_m=place), kept.pose)
+                self._kept[slot] = _Kept(slot, replace(kept.chart, cells=place), kept.pose)
             self._pool = pool
 
     def packed(self) -> Memory:
@@ -115,11 +115,12 @@ class ScanMemory:
             poses = self.poses
             self._packed = Memory(
                 cells=self._pool.reshape(-1),
+                unit_m=np.array([chart.unit_m for chart in charts]),
                 offset=np.array([kept.slot for kept in self._kept]) * self._pool.shape[1],
-                columns=np.array([chart.rho_m.shape[0] for chart in charts]),
-                rows=np.array([chart.rho_m.shape[1] for chart in charts]),
+                columns=np.array([chart.cells.shape[1] for chart in charts]),
+                rows=np.array([chart.cells.shape[0] for chart in charts]),
                 slope_from=np.array([chart.slope_from for chart in charts]),
-                slope_step=np.array([chart.slope_step for chart in charts]),
+                rows_per_slope=np.array([1.0 / chart.slope_step for chart in charts]),
                 sensor_from_scene=np.array([inverse(pose)[:3] for pose in poses]),
                 position=np.ascontiguousarray(poses[:, :3, 3]),
                 ground=np.array([chart.ground_m for chart in charts]),

@@ -12,24 +12,35 @@ from numpy.typing import NDArray
 from intervis.arrays import BoolArray, Float64Array
 from intervis.sight import evidence as model
 from intervis.sight.engine import CARRIED, MOST_MARKS, NEAR_M, Memory
+from intervis.sight.evidence import MODEL
 from intervis.sight.ground import CELL_M, CELLS
 
 
 class Verdict(NamedTuple):
-    """One line: -log P(visible), its part from seen surfaces, the length that no scan saw."""
+    """One line: the three parts of -log P(visible), and the length that no scan saw."""
 
-    exponent: float
+    open: float
     seen: float
+    hidden: float
     unknown_m: float
+    length_m: float
+
+    @property
+    def exponent(self) -> float:
+        """-log P(visible)."""
+        return model.NOISE + self.open + self.seen + self.hidden
 
     @property
     def state(self) -> int:
         """1 visible, 0 occluded, -1 unknown."""
-        probability = np.exp(-self.exponent)
-        blocked_by_seen = np.exp(-self.seen) < model.OCCLUDED_BELOW + model.SEEN_SLACK
-        if probability < model.OCCLUDED_BELOW and blocked_by_seen:
+        if self.seen > model.OCCLUDED_SEEN:
             return 0
-        if probability >= model.VISIBLE_FROM and self.unknown_m <= model.UNKNOWN_M:
+        if (
+            np.exp(-self.exponent) >= model.VISIBLE_FROM
+            and self.seen < model.VISIBLE_SEEN
+            and self.hidden < model.VISIBLE_HIDDEN
+            and self.unknown_m <= min(model.UNKNOWN_M, model.UNKNOWN_SHARE * self.length_m)
+        ):
             return 1
         return -1
 
@@ -38,31 +49,46 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
     """The verdict on the line between two finite points of the scene, (3,) each."""
     a, b = sorted((np.asarray(a, np.float64), np.asarray(b, np.float64)), key=tuple)
     marks, piece = _marks(a, b)
-    odds = np.zeros(len(marks))
-    free = np.zeros(len(marks), bool)
-    surface = np.zeros(len(marks), bool)
+    odds, crossed = np.zeros(len(marks)), np.zeros(len(marks))
+    free, surface = np.zeros(len(marks), bool), np.zeros(len(marks), bool)
     scans = _chosen_scans(memory, a, b)
     height = np.zeros(len(marks))
     for rank, k in enumerate(scans):
+        weight = model.scan_weights(len(scans))[rank]
         points = marks @ memory.sensor_from_scene[k, :, :3].T + memory.sensor_from_scene[k, :, 3]
         if rank == 0:
             height = _height_above_ground(memory, k, points)
         depth, solid, known = _depth_behind_surface(memory, k, points)
         say = np.where(
             solid,
-            _read(model.SOLID_TABLE, depth, model.DEPTH_TABLE_FROM_M),
-            _read(model.SCATTER_TABLE, depth, model.DEPTH_TABLE_FROM_M),
+            _read(MODEL.solid, depth, model.DEPTH_TABLE_FROM_M, model.TABLE_PER_M),
+            _read(MODEL.scatter, depth, model.DEPTH_TABLE_FROM_M, model.TABLE_PER_M),
         )
-        odds += np.where(known, model.scan_weights(len(scans))[rank] * say, 0.0)
+        odds += np.where(known, weight * say, 0.0)
         free |= known & (depth < model.SURFACE_FROM_M)
         surface |= known & (depth >= model.SURFACE_FROM_M) & (depth <= model.SURFACE_TO_M)
-    odds += _read(model.HEIGHT_TABLE, height, model.HEIGHT_TABLE_FROM_M)
-    filled = model.RATE_PER_M * piece / (1.0 + np.exp(-odds))
+        crossed += weight * _crossings(np.where(known, depth, np.nan))
+    odds += _read(MODEL.heights, height, model.HEIGHT_TABLE_FROM_M, model.TABLE_PER_M)
+    share = _read(MODEL.shares, odds, model.SHARE_TABLE_FROM, model.SHARES_PER_ODDS)
+    filled = model.RATE_PER_M * piece * share
+    open_space = free & ~surface
     return Verdict(
-        float(model.NOISE + filled.sum()),
-        float(filled[surface].sum()),
+        float(filled[open_space].sum()),
+        float((filled + model.CROSSING * share * crossed)[surface].sum()),
+        float(filled[~free & ~surface].sum()),
         float(piece * np.count_nonzero(~free & ~surface)),
+        float(np.linalg.norm(b - a)),
     )
+
+
+def _crossings(depth: Float64Array) -> Float64Array:
+    """How often the surface is crossed next to each mark, told at the mark behind the surface."""
+    count = np.zeros(len(depth))
+    for one, other in zip(range(len(depth) - 1), range(1, len(depth)), strict=True):
+        through = depth[one] * depth[other] <= 0.0  # False beside NaN
+        if through and abs(depth[other] - depth[one]) < model.CROSSING_M:
+            count[other if depth[other] > depth[one] else one] += 1.0
+    return count
 
 
 def _marks(a: Float64Array, b: Float64Array) -> tuple[Float64Array, float]:
@@ -95,22 +121,23 @@ def _depth_behind_surface(
     """How far points lie behind scan k's surface, whether that is solid, whether there is one."""
     rows, columns = int(memory.rows[k]), int(memory.columns[k])
     start = int(memory.offset[k])
-    image = memory.cells[start : start + rows * columns].reshape(columns, rows)
+    image = memory.cells[start : start + rows * columns].reshape(rows, columns)
     rho = np.hypot(points[:, 0], points[:, 1])
     with np.errstate(divide="ignore", invalid="ignore"):
-        place = (points[:, 2] / rho - memory.slope_from[k]) / memory.slope_step[k]
+        place = (points[:, 2] / rho - memory.slope_from[k]) * memory.rows_per_slope[k]
     on_chart = (place >= 0.0) & (place < rows - 1.0)
     place = np.where(on_chart, place, 0.0)
     row = place.astype(int)
     share = place - row
     column = np.minimum((_turn(points) * (columns / 8.0)).astype(int), columns - 1)
 
-    low, high = image[column, row], image[column, row + 1]
+    low, high = image[row, column], image[row + 1, column]
     nearer = np.where(share >= 0.5, high, low)
     a, b = np.abs(low).astype(np.float64), np.abs(high).astype(np.float64)
     one_surface = (a > 0) & (b > 0) & (np.abs(a - b) < CARRIED * np.minimum(a, b))
-    surface = np.where(one_surface, a + (b - a) * share, np.abs(nearer))
-    known = on_chart & (surface > 0)
+    units = np.where(one_surface, a + (b - a) * share, np.abs(nearer).astype(np.float64))
+    surface = units * memory.unit_m[k]
+    known = on_chart & (nearer != 0)
     return np.where(known, rho - surface, np.nan), nearer > 0, known
 
 
@@ -126,7 +153,9 @@ def _turn(points: Float64Array) -> Float64Array:
     return np.asarray(np.where(y < 0, 8.0 - half, half))
 
 
-def _read(table: Float64Array, value: Float64Array, start: float) -> NDArray[np.float64]:
+def _read(
+    table: Float64Array, value: Float64Array, start: float, per_unit: float
+) -> NDArray[np.float64]:
     """A table's entries; below its start the first one, beyond its end the last."""
-    at = np.nan_to_num((value - start) / model.TABLE_STEP_M, nan=0.0)
+    at = np.nan_to_num((value - start) * per_unit, nan=0.0)
     return np.asarray(table[np.clip(at, 0, len(table) - 1).astype(int)])

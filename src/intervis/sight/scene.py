@@ -18,7 +18,14 @@ from intervis.arrays import (
 from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.chart import chart_of
 from intervis.sight.engine import Memory, judge_lines
-from intervis.sight.evidence import OCCLUDED_BELOW, SEEN_SLACK, UNKNOWN_M, VISIBLE_FROM
+from intervis.sight.evidence import (
+    OCCLUDED_SEEN,
+    UNKNOWN_M,
+    UNKNOWN_SHARE,
+    VISIBLE_FROM,
+    VISIBLE_HIDDEN,
+    VISIBLE_SEEN,
+)
 from intervis.sight.meeting import meet_surfaces
 from intervis.sight.memory import ScanMemory
 from intervis.sight.sensor import Sensor, sensor_named, sensor_of_scan
@@ -297,10 +304,15 @@ def _answer(
     first, second = _ordered(starts[chosen], ends[chosen])
     found = judge_lines(memory, first, second)
     probability = np.exp(-found.exponent)
+    length_m = np.linalg.norm(second - first, axis=1)
     state = np.full(len(chosen), UNKNOWN, np.int8)
-    state[(probability >= VISIBLE_FROM) & (found.unknown_m <= UNKNOWN_M)] = VISIBLE
-    blocked = probability < OCCLUDED_BELOW
-    blocked &= np.exp(-found.seen) < OCCLUDED_BELOW + SEEN_SLACK
+    state[
+        (probability >= VISIBLE_FROM)
+        & (found.seen < VISIBLE_SEEN)
+        & (found.hidden < VISIBLE_HIDDEN)
+        & (found.unknown_m <= np.minimum(UNKNOWN_M, UNKNOWN_SHARE * length_m))
+    ] = VISIBLE
+    blocked = found.seen > OCCLUDED_SEEN
     state[blocked] = OCCLUDED
 
     blocker = np.full((len(chosen), 3), np.nan)
