@@ -7,6 +7,7 @@ import pytest
 
 from intervis.drives import Frame
 from intervis.errors import DriveError
+from intervis.report.accuracy import graph_table
 from intervis.truth.paper_graph import (
     GraphScore,
     _averaged,
@@ -94,3 +95,12 @@ def test_means_pass_over_what_is_not_known():
     mean = _averaged([one, two])[0]
     assert (mean.nodes, mean.nodes_visible, mean.nodes_mcc) == (15, 0.9, 0.2)
     assert (mean.edges, mean.edges_right) == (5, 0.7)
+
+
+def test_what_is_not_known_is_null_in_json_and_a_dash_in_the_table():
+    score = GraphScore("pose j", "elevation", 35, 10, 0.7, 0.5, 0.8, np.nan)
+    assert score.to_json()["nodes_right"] == 0.8
+    assert score.to_json()["nodes_mcc"] is score.to_json()["edges"] is None
+    text = graph_table("held-out returns", [score]).as_text()
+    assert "80.0%" in text
+    assert "nan" not in text

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from intervis.drives import Drive
     from intervis.truth.evaluation import Evaluation
     from intervis.truth.pairs import Pairs
+    from intervis.truth.paper_graph import GraphScore
     from intervis.truth.protocols import Protocol
 
 STREET, STREET_FRAMES = "street", 24
@@ -44,6 +45,9 @@ def evaluate(
     rivals: Annotated[
         bool, typer.Option("--rivals", help="Ask today's tools as well, at several settings.")
     ] = False,
+    graph: Annotated[
+        bool, typer.Option("--graph", help="Judge the graph of the paper's method as well.")
+    ] = False,
     every_setting: Annotated[
         bool, typer.Option("--every-setting", help="Show every setting, not the best ones alone.")
     ] = False,
@@ -67,10 +71,12 @@ def evaluate(
         _check_folder(path)
     with _opened(source) as drive:
         evaluations = _evaluations(drive, asked, known, rivals)
+        graphs = _graphs(drive, asked) if graph else {}
         identity = drive.identity()
     _show(evaluations, every_setting)
+    _show_graphs(graphs)
     if json_file is not None:
-        _write_json(json_file, identity, evaluations)
+        _write_json(json_file, identity, evaluations, graphs)
         show(f"Measured: {json_file}")
     if plot is not None:
         from intervis.report.reliability import save_reliability
@@ -146,6 +152,38 @@ def _evaluations(
     return found
 
 
+def _graphs(drive: "Drive", pairs: "Pairs | None") -> "dict[str, list[GraphScore]]":
+    """The paper's graph under each truth that the drive has."""
+    from intervis.truth.evaluate import chosen_pairs, world_frames
+    from intervis.truth.paper_graph import graphs_by_exact_world, graphs_by_held_out_returns
+    from intervis.worlds import load_world
+
+    found = {}
+    world = load_world(drive.root) if (drive.root / "world.npz").is_file() else None
+    with progress("graphs", 1 + (world is not None)) as advance:
+        try:
+            chosen = chosen_pairs(drive, pairs)
+            found["held-out returns"] = graphs_by_held_out_returns(drive, chosen)
+            advance("held-out returns")
+        except DriveError as error:
+            if world is None or pairs is not None:
+                raise
+            tell(f"note: held-out returns are left out: {error}")
+        if world is not None:
+            found["exact world"] = graphs_by_exact_world(
+                drive, lambda number: world.triangles_at_frame(number)[0], world_frames(drive, None)
+            )
+            advance("exact world")
+    return found
+
+
+def _show_graphs(graphs: "dict[str, list[GraphScore]]") -> None:
+    from intervis.report.accuracy import graph_table
+
+    for truth, scores in graphs.items():
+        show(graph_table(truth, scores).as_text() + "\n")
+
+
 def _show(evaluations: "list[Evaluation]", every_setting: bool) -> None:
     from intervis.report.accuracy import accuracy_table, questions_table
 
@@ -154,7 +192,12 @@ def _show(evaluations: "list[Evaluation]", every_setting: bool) -> None:
         show(questions_table(evaluation).as_text() + "\n")
 
 
-def _write_json(path: Path, identity: dict[str, Any], evaluations: "list[Evaluation]") -> None:
+def _write_json(
+    path: Path,
+    identity: dict[str, Any],
+    evaluations: "list[Evaluation]",
+    graphs: "dict[str, list[GraphScore]]",
+) -> None:
     import intervis
     from intervis.results import write_text
 
@@ -163,6 +206,7 @@ def _write_json(path: Path, identity: dict[str, Any], evaluations: "list[Evaluat
         "intervis": intervis.__version__,
         "drive": identity,
         "evaluations": [evaluation.to_json() for evaluation in evaluations],
+        "graphs": {truth: [score.to_json() for score in of] for truth, of in graphs.items()},
     }
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 

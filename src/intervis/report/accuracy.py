@@ -6,7 +6,10 @@ from typing import TYPE_CHECKING
 from intervis.report.tables import Table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from intervis.truth.evaluation import Evaluation, Row
+    from intervis.truth.paper_graph import GraphScore
     from intervis.truth.scores import Scores
 
 HEADINGS = (
@@ -29,6 +32,46 @@ NOTE = (
     ' "visible" and "occluded" were right. Averages over the viewpoints; times are medians'
     " for one viewpoint, ms (blank: part of the answer)."
 )
+
+
+GRAPH_HEADINGS = (
+    "viewpoint",
+    "tau",
+    "criterion",
+    "nodes",
+    "visible",
+    "called",
+    "right",
+    "MCC",
+    "edges",
+    "free",
+    "called",
+    "right",
+)
+GRAPH_NOTE = (
+    "Visible (free): share of the judged nodes (edges) that really are, which is what calling"
+    " all of them intervisible would get right. Called: share that the graph calls intervisible;"
+    " right: how many of these really are. From the sensor every return is visible. Nodes are"
+    " judged from the viewpoint, edges by whether their two ends see each other."
+)
+
+
+def graph_table(truth: str, scores: "Sequence[GraphScore]") -> Table:
+    """The paper's graph under one truth: a row for each viewpoint, tau and criterion."""
+    cells = tuple(
+        (
+            score.viewpoint,
+            str(score.tau),
+            score.criterion,
+            f"{score.nodes:.0f}",
+            *(_text(x, ".1%") for x in (score.nodes_visible, score.nodes_said, score.nodes_right)),
+            _text(score.nodes_mcc, ".3f"),
+            _text(score.edges, ".0f"),
+            *(_text(x, ".1%") for x in (score.edges_visible, score.edges_said, score.edges_right)),
+        )
+        for score in scores
+    )
+    return Table(f"The paper's graph judged by {truth}", GRAPH_HEADINGS, cells, (GRAPH_NOTE,))
 
 
 def accuracy_table(evaluation: "Evaluation", *, every_setting: bool = False) -> Table:

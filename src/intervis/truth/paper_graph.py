@@ -7,7 +7,8 @@ an edge when its two ends see each other.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -61,6 +62,13 @@ class GraphScore:
     edges_visible: float = np.nan
     edges_said: float = np.nan
     edges_right: float = np.nan
+
+    def to_json(self) -> dict[str, Any]:
+        """The fields, None for what is not known."""
+        return {
+            name: None if isinstance(value, float) and np.isnan(value) else value
+            for name, value in asdict(self).items()
+        }
 
 
 def graphs_by_held_out_returns(
