@@ -1,13 +1,16 @@
 """Figures 3 to 10 of the paper, from whatever frame: captions and files."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from intervis.report.paper_plots import figure_4, figure_5, figure_9, figure_10
+from intervis.report.paper_plots import figure_4, figure_5, figure_9, figure_10, figure_curve
 from intervis.report.paper_scenes import figure_3, figure_6, figure_7, figure_8
 from intervis.report.style import DPI
+from intervis.reproduction.curve import CurvePoint
 from intervis.reproduction.experiment import FrameExperiment
 from intervis.results import write_whole
+from intervis.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -92,6 +95,21 @@ def save_paper_figures(result: FrameExperiment, folder: Path) -> list[Path]:
         if name in PLOTS:
             _save(figure, folder / f"{name}.svg", "svg")
     return written
+
+
+def save_curve(curve: Sequence[CurvePoint], folder: Path) -> Path:
+    """Draw TPI lost against nodes, with the floor of the default tolerance, as SVG.
+
+    Raises
+    ------
+    MissingExtraError
+        matplotlib (extra ``plots``) is not installed.
+    OutputError
+        The file cannot be written.
+    """
+    path = folder / "granularity.svg"
+    _save(figure_curve(curve, Settings().tpi_tolerance), path, "svg")
+    return path
 
 
 def _save(figure: "Figure", path: Path, kind: str) -> None:

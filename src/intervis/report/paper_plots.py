@@ -1,10 +1,12 @@
 """Figures 4, 5, 9 and 10 of the paper: spectra, and values and times against granularity."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from intervis.arrays import Float64Array
+from intervis.method.granularity import TPI_LOST, floor_nodes
 from intervis.report.style import FAINT, INK, INTERVISIBLE, NODE, SEQUENTIAL, page_figure
 from intervis.report.views import (
     legend_in_rows,
@@ -14,6 +16,7 @@ from intervis.report.views import (
     without_strays,
 )
 from intervis.reproduction import paper
+from intervis.reproduction.curve import CurvePoint
 from intervis.reproduction.experiment import FrameExperiment
 from intervis.reproduction.spectra import Spectrum, power_spectra
 
@@ -223,4 +226,50 @@ def figure_10(result: FrameExperiment) -> "Figure":
         )
         axes.grid(visible=True, which="major", color="#eceef1", linewidth=0.6)
         legend_in_rows(figure, axes, 4)
+        return figure
+
+
+def figure_curve(points: Sequence[CurvePoint], tolerance: float) -> "Figure":
+    """TPI lost against nodes, and the floor that a tolerance of TPI sets."""
+    nodes = [point.nodes for point in points]
+    floor = floor_nodes(tolerance)
+    with page_figure(3.2) as (figure, axes):
+        axes.plot(
+            nodes,
+            [point.most_lost for point in points],
+            color=FAINT,
+            linewidth=1.2,
+            label="most of all frames",
+        )
+        axes.plot(
+            nodes,
+            [point.mean_lost for point in points],
+            "o-",
+            color=NODE,
+            linewidth=1.3,
+            markersize=3,
+            label="mean of the frames",
+        )
+        axes.plot(
+            *zip(*TPI_LOST, strict=True),
+            color=INTERVISIBLE,
+            linewidth=1.0,
+            linestyle="--",
+            label="curve in force",
+        )
+        axes.axvline(floor, color=INK, linewidth=0.7, linestyle=":")
+        axes.text(
+            1.04 * floor,
+            0.75 * max(point.most_lost for point in points),
+            f"floor: {floor} nodes for\na tolerance of {tolerance:g} points",
+            fontsize=7,
+        )
+        axes.set(
+            xscale="log",
+            xlabel="nodes",
+            ylabel="TPI lost, points",
+            title="What coarser sampling costs",
+        )
+        axes.grid(visible=True, which="major", color="#eceef1", linewidth=0.6)
+        axes.legend(frameon=False, loc="upper right")
         return figure

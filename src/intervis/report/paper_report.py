@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from intervis.errors import MissingExtraError, OutputError
 from intervis.report import paper_tables as tables
 from intervis.report.page import Page, Picture, Remark
-from intervis.report.paper_figures import CAPTIONS, PLOTS, save_paper_figures
+from intervis.report.paper_figures import CAPTIONS, PLOTS, save_curve, save_paper_figures
 from intervis.report.tables import Table
 from intervis.reproduction.curve import CurvePoint
 from intervis.reproduction.drive_experiment import DriveExperiment
@@ -179,7 +179,7 @@ def write_readings(
     sources: Sequence[str],
     out: Path,
 ) -> list[Path]:
-    """Write ``readings.md``, ``readings.csv`` (all of them) and ``granularity.csv``.
+    """Write ``readings.md``, ``readings.csv`` (all of them), ``granularity.csv`` and its plot.
 
     Parameters
     ----------
@@ -211,4 +211,8 @@ def write_readings(
     }
     for path, text in texts.items():
         write_text(path, text)
-    return list(texts)
+    try:
+        picture = save_curve(curve, out)
+    except MissingExtraError:
+        return list(texts)
+    return [*texts, picture]
