@@ -115,7 +115,7 @@ def show_run(summary: "RunSummary") -> None:
         show(times_table(summary.content["times_s"], len(summary.frames)).as_text())
     dropped = sum(int(record.measures["n_dropped"]) for record in summary.frames)
     if dropped:
-        show(f"{dropped} returns with NaN or infinite coordinates were left out.")
+        show(f"{dropped} rows that are no return (NaN, infinite, or 0, 0, 0) were left out.")
     if summary.reused:
         show(f"{summary.reused} of {len(summary.frames)} frames were there from an earlier run.")
     show(f"Results: {summary.out}")
