@@ -271,7 +271,10 @@ def test_points_that_are_not_finite_are_left_out_and_reported(tmp_path, capsys):
     points[::10] = np.nan
     scan = scan_of(points, tmp_path / "holes.npy")
     assert exit_code(["run", str(scan), "--out", str(tmp_path / "out")]) == 0
-    assert "44 rows that are no return (NaN, infinite, or 0, 0, 0) were left out." in capsys.readouterr().out
+    assert (
+        "44 rows that are no return (NaN, infinite, or 0, 0, 0) were left out."
+        in capsys.readouterr().out
+    )
 
 
 def test_nothing_in_view_is_a_failed_frame(tmp_path, capsys):
