@@ -4,6 +4,7 @@
 mean is written in `intervis.sight.evidence`.
 """
 
+from intervis.sight.explanation import Explanation, explain
 from intervis.sight.scene import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
 from intervis.sight.sensor import (
     GENERIC,
@@ -27,9 +28,11 @@ __all__ = [
     "UNKNOWN",
     "VISIBLE",
     "VLP_16",
+    "Explanation",
     "Scene",
     "Sensor",
     "Sight",
+    "explain",
     "sensor_named",
     "sensor_of_scan",
 ]

@@ -25,9 +25,9 @@ MOST_MARKS = 2048
 
 
 # Rows of what the scans say about the marks of a line: summed log-odds, least gap before a seen
-# surface, least distance from one that is met, which scan saw that one, weight of the crossings;
+# surface, least distance from one that is met, which scan saw that one;
 # and the height above the ground that the nearest scan saw.
-ODDS, GAP, DEPTH, SCAN, CROSSED, HEIGHT = range(6)
+ODDS, GAP, DEPTH, SCAN, HEIGHT = range(5)
 
 
 class Memory(NamedTuple):
@@ -53,7 +53,7 @@ class Findings(NamedTuple):
     """What the marks of L lines add up to; see `evidence`.
 
     The exponent -log P(visible) in three parts: `open`, marks in free space; `seen`, marks at
-    seen surfaces and crossings; `hidden`, marks that no scan saw, whose length is `unknown_m`.
+    seen surfaces; `hidden`, marks that no scan saw, whose length is `unknown_m`.
     `clearance_m` is the least gap to a surface or the ground on the way (inf with none);
     `worst_m` the distance from the line's first end to the mark at a seen surface that is most
     likely filled, `worst_scan` the scan that says so (-1: there is none).
@@ -152,7 +152,6 @@ def _say_of_scan(
     columns_per_turn = columns / TURN
     last_row, last_entry = rows - 1.0, len(model.solid) - 1.0
     half = 0.5 * CELLS * CELL_M
-    before = np.nan
     for m in range(skipped, marks - skipped):
         s = (m + 0.5) / marks
         u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
@@ -163,7 +162,6 @@ def _say_of_scan(
         rho = np.sqrt(u * u + v * v)
         f = (w / rho - slope_from) * rows_per_slope
         if not (0.0 <= f < last_row):
-            before = np.nan
             continue
         r = int(f)
         f -= r
@@ -171,7 +169,6 @@ def _say_of_scan(
         low, high = float(cells[at]), float(cells[at + columns])
         near = high if f >= 0.5 else low
         if near == 0.0:
-            before = np.nan
             continue
         below, above = abs(low), abs(high)
         surface = abs(near)
@@ -185,10 +182,6 @@ def _say_of_scan(
         elif depth <= model.surface_to_m and abs(depth) < say[DEPTH, m]:
             say[DEPTH, m] = abs(depth)
             say[SCAN, m] = k
-        if before * depth <= 0.0 and abs(depth - before) < model.crossing_m:
-            # the surface blocks at whichever of the two marks lies behind it
-            say[CROSSED, m if depth > before else m - 1] += weight
-        before = depth
 
 
 @kernel
@@ -203,7 +196,7 @@ def _judge_lines(
 ) -> None:
     chosen = np.empty(model.weights.shape[1], np.int64)
     rank = np.empty(model.weights.shape[1])
-    say = np.empty((6, MOST_MARKS))
+    say = np.empty((5, MOST_MARKS))
     for i in range(start, stop):
         a, b = first[i], second[i]
         length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
@@ -214,7 +207,6 @@ def _judge_lines(
         say[ODDS, :marks] = 0.0
         say[GAP, :marks] = np.inf
         say[DEPTH, :marks] = np.inf
-        say[CROSSED, :marks] = 0.0
         count = _nearest_scans(memory, a, b, chosen, rank)
         for n in range(count):
             weight = model.weights[count - 1, n]
@@ -228,7 +220,6 @@ def _judge_lines(
             share = model.shares[int(min(max(entry, 0.0), len(model.shares) - 1.0))]
             filled = model.rate_per_m * piece * share
             if say[DEPTH, m] < np.inf:
-                filled += model.crossing * share * say[CROSSED, m]
                 seen += filled
                 if filled > worst:
                     worst, worst_scan = filled, int(say[SCAN, m])

@@ -16,13 +16,10 @@ beside what the height above ground alone makes of it:
 
     odds = height_odds(h) + sum_k weight_k depth_odds(d_k)
 
-and a filled mark stops the line with `RATE_PER_M` per metre; where the line passes through a
-surface from one mark to the next (d changes sign by less than `CROSSING_M`), the mark behind it
-stops it by `CROSSING` times the weight more:
+and a filled mark stops the line with `RATE_PER_M` per metre:
 
     share = 1 / (1 + exp(-odds))
-    stop = share (RATE_PER_M length + CROSSING crossings)
-    P(visible) = exp(-(NOISE + sum of stop over all marks))
+    P(visible) = exp(-(NOISE + sum over marks of RATE_PER_M share length))
 
 That sum has three parts: `seen` from marks at surfaces (-0.2 m <= d <= 1.3 m for some scan),
 `open` from other marks that some scan saw free, and `hidden` from marks that no scan saw. The
@@ -53,12 +50,13 @@ SCANS = 6
 """So many scans have a say about one line: those nearest to one of its ends."""
 FADE = 0.6
 """Each further scan's say is this share of the one before."""
+REPEAT = 0.3
+"""How much of what a further scan says is taken as repetition, from 0 (nothing) to 1 (all)."""
 RATE_PER_M = 1.31
-CROSSING, CROSSING_M = 2.0, 0.6
 NOISE = 2e-3
-VISIBLE_FROM, VISIBLE_SEEN, VISIBLE_HIDDEN = 0.8, 0.15, 0.2
-UNKNOWN_M, UNKNOWN_SHARE = 8.0, 0.7
-OCCLUDED_SEEN = 1.05
+VISIBLE_FROM, VISIBLE_SEEN, VISIBLE_HIDDEN = 0.8, 0.2, 0.2
+UNKNOWN_M, UNKNOWN_SHARE = 8.0, 0.8
+OCCLUDED_SEEN = 0.8
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
 
 DEPTH_M = np.array([-4, -1.5, -0.7, -0.3, -0.1, 0.1, 0.3, 0.6, 1, 1.6, 2.5, 4, 7, 12, 20])
@@ -79,16 +77,16 @@ DEPTH_TABLE_FROM_M, HEIGHT_TABLE_FROM_M = -4.0, -0.5
 def scan_weights(count: int) -> Float64Array:
     """Weights (count,) of the scans' say, nearest first.
 
-    Scans that look at the same place repeat each other's errors: the sum grows with the root of
-    what independent scans would have.
+    Scans that look at the same place repeat each other's errors: their weights sum to less than
+    those of independent scans would, here to the fading sum's power 1 - REPEAT.
 
     Examples
     --------
     >>> scan_weights(1), scan_weights(2).round(2)
-    (array([1.]), array([0.79, 0.47]))
+    (array([1.]), array([0.87, 0.52]))
     """
     fading = FADE ** np.arange(count)
-    return np.asarray(fading / np.sqrt(fading.sum()))
+    return np.asarray(fading / fading.sum() ** REPEAT)
 
 
 def depth_odds(depth_m: Float64Array, solid: bool = True) -> Float64Array:
@@ -118,8 +116,6 @@ class Model(NamedTuple):
     mark_m: float
     end_m: float
     rate_per_m: float
-    crossing: float
-    crossing_m: float
     surface_from_m: float
     surface_to_m: float
     depth_from_m: float
@@ -144,8 +140,6 @@ def usual_model() -> Model:
         mark_m=MARK_M,
         end_m=END_M,
         rate_per_m=RATE_PER_M,
-        crossing=CROSSING,
-        crossing_m=CROSSING_M,
         surface_from_m=SURFACE_FROM_M,
         surface_to_m=SURFACE_TO_M,
         depth_from_m=DEPTH_TABLE_FROM_M,

@@ -49,7 +49,7 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
     """The verdict on the line between two finite points of the scene, (3,) each."""
     a, b = sorted((np.asarray(a, np.float64), np.asarray(b, np.float64)), key=tuple)
     marks, piece = _marks(a, b)
-    odds, crossed = np.zeros(len(marks)), np.zeros(len(marks))
+    odds = np.zeros(len(marks))
     free, surface = np.zeros(len(marks), bool), np.zeros(len(marks), bool)
     scans = _chosen_scans(memory, a, b)
     height = np.zeros(len(marks))
@@ -67,28 +67,17 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
         odds += np.where(known, weight * say, 0.0)
         free |= known & (depth < model.SURFACE_FROM_M)
         surface |= known & (depth >= model.SURFACE_FROM_M) & (depth <= model.SURFACE_TO_M)
-        crossed += weight * _crossings(np.where(known, depth, np.nan))
     odds += _read(MODEL.heights, height, model.HEIGHT_TABLE_FROM_M, model.TABLE_PER_M)
     share = _read(MODEL.shares, odds, model.SHARE_TABLE_FROM, model.SHARES_PER_ODDS)
     filled = model.RATE_PER_M * piece * share
     open_space = free & ~surface
     return Verdict(
         float(filled[open_space].sum()),
-        float((filled + model.CROSSING * share * crossed)[surface].sum()),
+        float(filled[surface].sum()),
         float(filled[~free & ~surface].sum()),
         float(piece * np.count_nonzero(~free & ~surface)),
         float(np.linalg.norm(b - a)),
     )
-
-
-def _crossings(depth: Float64Array) -> Float64Array:
-    """How often the surface is crossed next to each mark, told at the mark behind the surface."""
-    count = np.zeros(len(depth))
-    for one, other in zip(range(len(depth) - 1), range(1, len(depth)), strict=True):
-        through = depth[one] * depth[other] <= 0.0  # False beside NaN
-        if through and abs(depth[other] - depth[one]) < model.CROSSING_M:
-            count[other if depth[other] > depth[one] else one] += 1.0
-    return count
 
 
 def _marks(a: Float64Array, b: Float64Array) -> tuple[Float64Array, float]:

@@ -233,6 +233,11 @@ class Scene:
         row, column = row[order], column[order]
         return row, column, self.sight_lines(from_points[row], to_points[column])
 
+    def unknown_length(self, viewpoint: ArrayLike, target: ArrayLike) -> float:
+        """Metres of one line that no scan saw, its last 0.4 m at either end left aside."""
+        first, second = _ordered(checked_point(viewpoint)[None], checked_point(target)[None])
+        return float(judge_lines(self._packed(), first, second).unknown_m[0])
+
     def _packed(self) -> Memory:
         if len(self._memory) == 0:
             raise SceneError("the scene holds no scan: call scene.add(points, pose) first.")
