@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from intervis.transform import inverse, transform
+from intervis.transform import inverse, rigid, transform
 
 GROUND_M = -1.73
 BOXES = np.array(
@@ -59,3 +59,9 @@ def street_scan(pose=None, boxes=BOXES, seed=0, noise_m=0.02, range_m=80.0, **be
 def seen_from(pose, points_scene):
     """Points of the scene in a sensor's frame."""
     return transform(inverse(pose), points_scene)
+
+
+def turned(yaw_rad, x_m, y_m):
+    """A pose at (x, y, 0), turned about the upward axis."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return rigid([[c, -s, 0], [s, c, 0], [0, 0, 1]], [x_m, y_m, 0.0])

@@ -2,18 +2,12 @@
 
 import numpy as np
 import pytest
-from made_scans import street_scan
+from made_scans import street_scan, turned
 
 from intervis.sight import Scene
 from intervis.sight.engine import judge_lines
 from intervis.sight.oracle import judge_line
 from intervis.sight.scene import _ordered
-from intervis.transform import rigid
-
-
-def turned(yaw_rad: float, x: float, y: float):
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    return rigid([[c, -s, 0], [s, c, 0], [0, 0, 1]], [x, y, 0.0])
 
 
 @pytest.fixture(scope="module")

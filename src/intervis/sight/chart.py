@@ -5,7 +5,8 @@ are the slope t = z / rho (rho the horizontal range, so that a plane's 1/rho is 
 a column: interpolating 1/rho between two beams is exact on walls and on the ground). A cell holds
 
     > 0    the surface's rho, and its neighbours agree with it: a solid surface,
-    < 0    minus that rho where the neighbours disagree: leaves, wires, edges, lone returns,
+    < 0    minus that rho where the neighbours disagree: leaves, wires, edges, lone returns, ground
+           at a grazing angle, where one beam lies much farther than the next,
     0      nothing: no beam went there, or none came back. Never "free".
 
 Between two beams of a column the surface is carried on where their ranges are those of one

@@ -1,0 +1,106 @@
+"""Memory: bounded, refined by later scans, and without ghosts for ever."""
+
+import numpy as np
+import pytest
+from made_scans import BOXES, GROUND_M, street_scan, turned
+
+from intervis.sight import OCCLUDED, VISIBLE, Scene
+
+CAR = np.array([[4.0, -3.0, GROUND_M, 6.0, -1.2, 0.4]])
+WITH_CAR = np.vstack([BOXES, CAR])
+BEFORE, BEHIND = np.array([2.0, -2.1, -0.6]), np.array([9.0, -2.1, -0.6])
+COARSE = {"beams": 32, "step_deg": 0.4}
+
+
+def state(scene: Scene) -> int:
+    return int(scene.sight(BEFORE, BEHIND[None]).state[0])
+
+
+def test_what_was_free_and_is_now_blocked_is_blocked():
+    scene = Scene()
+    for number in range(8):
+        scene.add(street_scan(seed=number, **COARSE))
+    assert state(scene) == VISIBLE
+    for number in range(2):
+        scene.add(street_scan(boxes=WITH_CAR, seed=20 + number, **COARSE))
+    assert state(scene) == OCCLUDED
+
+
+def test_a_car_that_left_leaves_no_ghost_for_ever():
+    scene = Scene()
+    for number in range(8):
+        scene.add(street_scan(boxes=WITH_CAR, seed=number, **COARSE))
+    assert state(scene) == OCCLUDED
+    for number in range(6):
+        scene.add(street_scan(seed=20 + number, **COARSE))
+    assert state(scene) == VISIBLE
+
+
+def test_a_second_pose_sees_behind_what_hid_from_the_first():
+    a, b = np.array([12.0, 2.0, -0.8]), np.array([12.0, 6.5, -0.8])  # behind the first parked car
+    scene = Scene()
+    scene.add(street_scan(seed=0))
+    assert scene.sight(a, b[None]).state[0] != VISIBLE
+    for number, x in enumerate((11.0, 13.0, 12.0)):
+        pose = turned(0.0, x, 0.0)
+        scene.add(street_scan(pose, seed=1 + number), pose)
+    assert scene.sight(a, b[None]).state[0] == VISIBLE
+
+
+def test_memory_is_bounded_and_forgets_the_oldest_and_farthest():
+    scene = Scene(most_scans=5)
+    for number in range(12):
+        pose = turned(0.0, 3.0 * number, 0.0)
+        scene.add(street_scan(pose, **COARSE), pose)
+        assert len(scene) <= 5
+    assert scene.poses[:, 0, 3].tolist() == [21.0, 24.0, 27.0, 30.0, 33.0]
+
+
+def test_memory_is_bounded_in_bytes():
+    one = Scene()
+    one.add(street_scan(**COARSE))
+    scene = Scene(most_bytes=3 * one.bytes + 1000)
+    for number in range(8):
+        pose = turned(0.0, 2.0 * number, 0.0)
+        scene.add(street_scan(pose, **COARSE), pose)
+        assert scene.bytes <= scene._memory.most_bytes
+    assert 2 <= len(scene) <= 3
+
+
+def test_forgetting_leaves_the_others_as_they_were(rng):
+    """Answers after a long drive are those of a fresh scene with the scans that are left."""
+    poses = [turned(0.1 * number, 2.0 * number, 0.3 * number) for number in range(9)]
+    scans = [street_scan(pose, seed=n, **COARSE) for n, pose in enumerate(poses)]
+    scans[4] = street_scan(poses[4], beams=48, step_deg=0.3)  # of another size
+    scene = Scene(most_scans=4)
+    for scan, pose in zip(scans, poses, strict=True):
+        scene.add(scan, pose)
+    fresh = Scene()
+    for kept in scene.poses:
+        number = next(n for n, pose in enumerate(poses) if np.array_equal(pose, kept))
+        fresh.add(scans[number], poses[number])
+    a, b = rng.normal(0, 15, (2, 500, 3)) * [1, 1, 0.1]
+    assert np.array_equal(scene.sight_lines(a, b).probability, fresh.sight_lines(a, b).probability)
+
+
+def test_a_scan_added_twice_counts_once(rng):
+    scan, targets = street_scan(**COARSE), rng.normal(0, 15, (200, 3))
+    once, twice = Scene.from_scan(scan), Scene.from_scan(scan)
+    twice.add(scan)
+    assert len(twice) == 1
+    assert np.array_equal(
+        once.sight([1.0, 0, 0], targets).probability, twice.sight([1.0, 0, 0], targets).probability
+    )
+
+
+def test_poses_move_the_scene(rng):
+    """The same scan seen in a turned and shifted frame gives the same answers there."""
+    scan, targets = street_scan(**COARSE), rng.normal(0, 15, (300, 3))
+    pose = turned(np.pi / 2, 5.0, -3.0)
+    here = Scene.from_scan(scan).sight([2.0, 1.0, 0.0], targets)
+    moved = targets @ pose[:3, :3].T + pose[:3, 3]
+    viewpoint = pose[:3, :3] @ [2.0, 1.0, 0.0] + pose[:3, 3]
+    there = Scene.from_scan(scan, pose).sight(viewpoint, moved)
+    # the ends may be ordered the other way round: sums differ in their last digits
+    assert there.probability == pytest.approx(here.probability, abs=2e-3)
+    assert (there.state == here.state).mean() > 0.99

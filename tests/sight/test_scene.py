@@ -1,0 +1,177 @@
+"""Scene: reciprocity, many lines at once, and what it does with bad input."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_scans import street_scan, turned
+
+from intervis.errors import PointsError, PoseError, SceneError, SettingsError
+from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
+from intervis.sight import scene as scene_module
+
+coordinate = st.floats(-60.0, 60.0, allow_nan=False)
+point = st.tuples(coordinate, coordinate, st.floats(-3.0, 8.0, allow_nan=False))
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    scene = Scene(sensor="HDL-64E")
+    for number in range(3):
+        pose = turned(0.2 * number, 2.0 * number, -0.5 * number)
+        scene.add(street_scan(pose, seed=number), pose)
+    return scene
+
+
+def same(one, other) -> bool:
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
+        for name in ("state", "probability", "blocker", "clearance")
+    )
+
+
+@settings(max_examples=200, deadline=None)
+@given(a=point, b=point)
+def test_answers_are_reciprocal_to_the_last_bit(scene, a, b):
+    assert same(scene.sight(a, [b]), scene.sight(b, [a]))
+
+
+def test_many_lines_are_reciprocal_to_the_last_bit(scene, rng):
+    a, b = rng.normal(0, 15, (2, 5000, 3)) * [1, 1, 0.1]
+    assert same(scene.sight_lines(a, b), scene.sight_lines(b, a))
+
+
+def test_many_viewpoints_are_as_one_at_a_time(scene, rng):
+    viewpoints, targets = rng.normal(0, 10, (4, 3)), rng.normal(0, 20, (300, 3))
+    together = scene.sight(viewpoints, targets)
+    assert together.state.shape == (4, 300)
+    assert together.blocker.shape == (4, 300, 3)
+    for row, viewpoint in enumerate(viewpoints):
+        alone = scene.sight(viewpoint, targets)
+        assert np.array_equal(together.state[row], alone.state)
+        assert np.array_equal(together.probability[row], alone.probability)
+        assert np.array_equal(together.clearance[row], alone.clearance)
+
+
+def test_chunks_make_no_difference(scene, rng, monkeypatch):
+    targets = rng.normal(0, 20, (1000, 3))
+    whole = scene.sight([0.0, 0, 0], targets)
+    monkeypatch.setattr(scene_module, "LINES_AT_ONCE", 77)
+    assert same(whole, scene.sight([0.0, 0, 0], targets))
+
+
+def test_lines_within_a_range_are_the_dense_answer_picked(scene, rng):
+    viewpoints, targets = rng.normal(0, 10, (6, 3)), rng.normal(0, 20, (200, 3))
+    targets[7] = np.nan
+    row, column, sparse = scene.sight_within(viewpoints, targets, 12.0)
+    dense = scene.sight(viewpoints, targets, max_range_m=12.0)
+    away = np.linalg.norm(targets[None] - viewpoints[:, None], axis=2)
+    assert sorted(zip(row, column, strict=True)) == sorted(
+        zip(*np.nonzero(away <= 12.0), strict=True)
+    )
+    assert np.array_equal(sparse.state, dense.state[row, column])
+    assert np.isnan(dense.probability[away > 12.0]).all()
+    assert (dense.state[away > 12.0] == UNKNOWN).all()
+
+
+def test_blockers_lie_on_their_lines_and_only_occluded_lines_have_one(scene, rng):
+    a, b = rng.normal(0, 15, (2, 4000, 3)) * [1, 1, 0.1]
+    sight = scene.sight_lines(a, b)
+    blocked = sight.state == OCCLUDED
+    assert blocked.sum() > 100
+    assert np.isfinite(sight.blocker[blocked]).all()
+    assert np.isnan(sight.blocker[~blocked]).all()
+    assert (sight.clearance[blocked] <= 0).all()
+    assert (sight.clearance[sight.state == VISIBLE] >= 0).all()
+    to_blocker = np.linalg.norm(sight.blocker - a, axis=1) + np.linalg.norm(
+        sight.blocker - b, axis=1
+    )
+    length = np.linalg.norm(a - b, axis=1)
+    assert np.allclose(to_blocker[blocked], length[blocked], atol=1e-6)
+
+
+def test_input_is_never_changed(rng):
+    scan = street_scan()
+    targets = rng.normal(0, 20, (50, 3))
+    scan_before, targets_before = scan.copy(), targets.copy()
+    Scene.from_scan(scan).sight([1.0, 0, 0], targets)
+    assert np.array_equal(scan, scan_before)
+    assert np.array_equal(targets, targets_before)
+
+
+@pytest.mark.parametrize(
+    "viewpoint", [[np.nan, 0, 0], [np.inf, 0, 0], [0.0, 0], "here", [[np.nan, 0.0, 0.0]]]
+)
+def test_a_bad_viewpoint_is_one_clear_error(scene, viewpoint):
+    with pytest.raises(PointsError):
+        scene.sight(viewpoint, np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("targets", [np.zeros(3), np.zeros((2, 2)), np.zeros((1, 2, 3)), ["a"]])
+def test_targets_of_a_wrong_shape_are_one_clear_error(scene, targets):
+    with pytest.raises(PointsError):
+        scene.sight([0.0, 0, 0], targets)
+
+
+def test_targets_that_are_not_finite_are_unknown(scene):
+    sight = scene.sight([0.0, 0, 0], [[3.0, 0, 0], [np.nan, 0, 0], [np.inf, 0, 0]])
+    assert sight.state.tolist() == [VISIBLE, UNKNOWN, UNKNOWN]
+    assert np.isnan(sight.probability[1:]).all()
+
+
+@pytest.mark.parametrize("targets", [[], np.empty((0, 3)), np.empty((0, 4), np.float32)])
+def test_no_targets_give_no_answers(scene, targets):
+    assert scene.sight([0.0, 0, 0], targets).state.shape == (0,)
+    assert scene.sight(np.zeros((2, 3)), targets).blocker.shape == (2, 0, 3)
+
+
+def test_a_scene_without_scans_says_so():
+    with pytest.raises(SceneError, match="holds no scan"):
+        Scene().sight([0.0, 0, 0], [[1.0, 0, 0]])
+
+
+def test_poses_that_are_no_rigid_motion_are_refused():
+    scene = Scene()
+    for pose in (np.diag([2.0, 1, 1, 1]), np.diag([-1.0, 1, 1, 1]), np.eye(3), np.full((4, 4), 0)):
+        with pytest.raises(PoseError):
+            scene.add(street_scan(), pose)
+    assert len(scene) == 0
+
+
+def test_settings_out_of_range_are_refused():
+    with pytest.raises(SettingsError):
+        Scene(most_scans=0)
+    with pytest.raises(SettingsError, match="choose one of"):
+        Scene(sensor="HDL-65E")
+    with pytest.raises(SettingsError):
+        Scene.from_scan(street_scan()).sight_within([[0.0, 0, 0]], [[1.0, 0, 0]], np.nan)
+
+
+@pytest.mark.parametrize(
+    "scan",
+    [
+        np.zeros((0, 3), np.float32),
+        np.array([[10.0, 0.0, 0.0]], np.float32),
+        np.full((5, 4), np.nan),
+        np.zeros((100, 3)),
+    ],
+)
+def test_hardly_any_returns_leave_everything_unknown(scan):
+    sight = Scene.from_scan(scan).sight([0.0, 1.0, 0.0], [[20.0, 20, 0], [0, -30, 1], [5, 5, 9]])
+    assert (sight.state == UNKNOWN).all()
+
+
+def test_a_line_of_no_length_is_visible(scene):
+    sight = scene.sight([3.0, 1.0, 0.0], [[3.0, 1.0, 0.0]])
+    assert sight.state[0] == VISIBLE
+
+
+def test_space_never_scanned_is_unknown(scene):
+    targets = [[0.0, 0, 60.0], [400.0, 400, 0], [0, 0, -30.0], [5.0, -400, 2.0]]
+    assert (scene.sight([0.0, 0, 0.5], targets).state == UNKNOWN).all()
+    assert (scene.sight([200.0, 200, 0], [[205.0, 200, 0], [230, 200, 1]]).state == UNKNOWN).all()
+
+
+def test_a_viewpoint_inside_a_house_sees_nothing(scene):
+    sight = scene.sight([8.0, 14.0, 0.0], [[8.0, 0.0, 0.0], [0.0, -6.0, 0.0], [8.0, 17.0, 0.0]])
+    assert (sight.state != VISIBLE).all()
