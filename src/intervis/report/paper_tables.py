@@ -16,12 +16,13 @@ from intervis.reproduction.steadiness import Steadiness
 DASH = "–"
 """Where there is no number: nothing to measure, or the paper prints a dash."""
 
-SCORE_HEADINGS = ("away", "worst", "std of TPI", "region IoU")
+SCORE_HEADINGS = ("away", "mean away", "worst", "std of TPI", "region IoU")
 
 NOTE_READINGS = (
     "Away: mean absolute difference of TPI to Table 2 over all frames and granularities, points."
-    " Worst: greatest difference of the mean over the frames. Std of TPI (sample) and region"
-    " IoU: along consecutive frames at tau = 35. Not judged: line 1 of Algorithm 1 alone."
+    " Mean away, worst: mean and greatest difference of the mean over the frames. Std of TPI"
+    " (sample) and region IoU: along consecutive frames at tau = 35. Not judged: line 1 of"
+    " Algorithm 1 alone."
 )
 
 STAGES = ("S1", "S2", "S3", "TIME")
@@ -325,6 +326,7 @@ def best_readings_table(scores: Sequence[ReadingScore], count: int = 12) -> Tabl
 def _score_cells(score: ReadingScore) -> tuple[str, ...]:
     return (
         f"{score.away:.2f}",
+        f"{score.mean_away:.2f}",
         f"{score.worst:.1f}",
         _number(score.TPI_std),
         _number(score.iou),

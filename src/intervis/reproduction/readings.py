@@ -81,6 +81,11 @@ class ReadingScore:
         return float(np.abs(self.TPI - _printed()).mean())
 
     @property
+    def mean_away(self) -> float:
+        """Mean absolute difference of the mean over the frames, points."""
+        return float(np.abs(self.TPI.mean(axis=0) - _printed()).mean())
+
+    @property
     def worst(self) -> float:
         """Greatest absolute difference of the mean over the frames, points."""
         return float(np.abs(self.TPI.mean(axis=0) - _printed()).max())
