@@ -1,0 +1,42 @@
+"""How long the two methods take that the paper compares with: `make bench`."""
+
+from pathlib import Path
+
+import pytest
+
+from intervis import open_drive
+from intervis.method.comparison import global_points, interpolation_points
+from intervis.worlds import simulate
+
+REAL = (
+    Path(__file__).resolve().parents[2]
+    / "shared/data/kitti_raw/2011_09_26/2011_09_26_drive_9001_sync"
+)
+
+
+@pytest.fixture(scope="session")
+def frame(tmp_path_factory):
+    path = REAL if REAL.is_dir() else simulate(tmp_path_factory.mktemp("world"), frames=1)
+    drive = open_drive(path)
+    return drive[drive.frame_numbers[0]]
+
+
+def test_interpolation_points(benchmark, frame):
+    """The paper: 17.537 s for 20,008 returns in view."""
+
+    def run():
+        return interpolation_points(
+            frame.points, camera=frame.camera, cam_from_velo=frame.cam_from_velo
+        )
+
+    run()
+    benchmark.extra_info["comparisons"] = benchmark(run).comparisons
+
+
+def test_global_points(benchmark, frame):
+    """The paper: 1163.876 s for 125,148 returns."""
+    mount = {"camera": frame.camera, "cam_from_velo": frame.cam_from_velo}
+    global_points(frame.points[:64], **mount)
+    result = benchmark.pedantic(global_points, (frame.points,), mount, rounds=3)
+    benchmark.extra_info["comparisons"] = result.comparisons
+    benchmark.extra_info["sight lines s"] = result.times.S3
