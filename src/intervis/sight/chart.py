@@ -81,19 +81,12 @@ def turn_of(x: float, y: float) -> float:
     """
     ax = abs(x)
     ay = abs(y)
-    if ay <= ax:
-        if ax == 0.0:
-            return 0.0
-        m = ay / ax
-        u = m * (1.3147 - m * (0.2343 + 0.0804 * m))
-    else:
-        m = ax / ay
-        u = 2.0 - m * (1.3147 - m * (0.2343 + 0.0804 * m))
-    if x < 0.0:
-        u = 4.0 - u
-    if y < 0.0:
-        u = 8.0 - u
-    return u
+    most = max(ax, ay)
+    m = min(ax, ay) / (most if most > 0.0 else 1.0)
+    u = m * (1.3147 - m * (0.2343 + 0.0804 * m))
+    u = u if ay <= ax else 2.0 - u
+    u = u if x >= 0.0 else 4.0 - u
+    return u if y >= 0.0 else 8.0 - u
 
 
 @kernel

@@ -15,6 +15,7 @@ from intervis.sight.evidence import MODEL, NOISE, Model
 from intervis.sight.ground import CELL_M, CELLS
 
 Int16Array = NDArray[np.int16]
+Int32Array = NDArray[np.int32]
 
 CARRIED = 0.1
 """Between two rows the surface is interpolated where rho differs by less than this share."""
@@ -28,6 +29,7 @@ MOST_MARKS = 2048
 # surface, least distance from one that is met, which scan saw that one;
 # and the height above the ground that the nearest scan saw.
 ODDS, GAP, DEPTH, SCAN, HEIGHT = range(5)
+RHO, SHARE = range(2)
 
 
 class Memory(NamedTuple):
@@ -122,6 +124,41 @@ def _nearest_scans(
 
 
 @kernel
+def _aim(
+    memory: Memory,
+    k: int,
+    start: Float64Array,
+    along: Float64Array,
+    marks: int,
+    skipped: int,
+    aim: Float64Array,
+    cell: Int32Array,
+) -> None:
+    """Each mark's rho, lower cell in scan k's chart (-1: off the chart), share of the next row.
+
+    Free of branches and of look-ups, so that the compiler can work on several marks at once.
+    """
+    u0, v0, w0 = start[0], start[1], start[2]
+    du, dv, dw = along[0], along[1], along[2]
+    slope_from, rows_per_slope = memory.slope_from[k], memory.rows_per_slope[k]
+    columns = memory.columns[k]
+    columns_per_turn = columns / TURN
+    last_row, last_column = memory.rows[k] - 1.0, columns - 1.0
+    for m in range(marks - 2 * skipped):
+        s = (m + skipped + 0.5) / marks
+        u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
+        rho = np.sqrt(u * u + v * v)
+        f = (w / rho - slope_from) * rows_per_slope
+        on_chart = (f >= 0.0) & (f < last_row)
+        f = f if on_chart else 0.0
+        row = np.floor(f)
+        column = np.floor(min(turn_of(u, v) * columns_per_turn, last_column))
+        aim[RHO, m] = rho
+        aim[SHARE, m] = f - row
+        cell[m] = np.int32(row * columns + column) if on_chart else np.int32(-1)
+
+
+@kernel
 def _say_of_scan(
     memory: Memory,
     k: int,
@@ -129,10 +166,12 @@ def _say_of_scan(
     b: Float64Array,
     marks: int,
     skipped: int,
-    first: bool,
+    nearest: bool,
     weight: float,
     model: Model,
     say: Float64Array,
+    aim: Float64Array,
+    cell: Int32Array,
 ) -> None:
     """Add one scan's say to the marks of one line; rows of `say` are named below."""
     g = memory.sensor_from_scene[k]
@@ -143,37 +182,23 @@ def _say_of_scan(
         along[axis] = (
             g[axis, 0] * (b[0] - a[0]) + g[axis, 1] * (b[1] - a[1]) + g[axis, 2] * (b[2] - a[2])
         )
-    u0, v0, w0 = start[0], start[1], start[2]
-    du, dv, dw = along[0], along[1], along[2]
-    rows, columns, offset = memory.rows[k], memory.columns[k], memory.offset[k]
-    slope_from, rows_per_slope = memory.slope_from[k], memory.rows_per_slope[k]
-    unit_m, ground = memory.unit_m[k], memory.ground[k]
-    cells = memory.cells
-    columns_per_turn = columns / TURN
-    last_row, last_entry = rows - 1.0, len(model.solid) - 1.0
-    half = 0.5 * CELLS * CELL_M
-    for m in range(skipped, marks - skipped):
-        s = (m + 0.5) / marks
-        u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
-        if first:
-            p = int(min(max((u + half) / CELL_M, 0.0), CELLS - 1.0))
-            q = int(min(max((v + half) / CELL_M, 0.0), CELLS - 1.0))
-            say[HEIGHT, m] = w - ground[p, q]
-        rho = np.sqrt(u * u + v * v)
-        f = (w / rho - slope_from) * rows_per_slope
-        if not (0.0 <= f < last_row):
+    count = marks - 2 * skipped
+    _aim(memory, k, start, along, marks, skipped, aim, cell)
+    unit_m, columns, offset = memory.unit_m[k], memory.columns[k], memory.offset[k]
+    cells = memory.cells[offset : offset + columns * memory.rows[k]]
+    last_entry = len(model.solid) - 1.0
+    for m in range(count):
+        at = cell[m]
+        if at < 0:
             continue
-        r = int(f)
-        f -= r
-        at = offset + r * columns + min(int(turn_of(u, v) * columns_per_turn), columns - 1)
+        f, rho = aim[SHARE, m], aim[RHO, m]
         low, high = float(cells[at]), float(cells[at + columns])
         near = high if f >= 0.5 else low
         if near == 0.0:
             continue
         below, above = abs(low), abs(high)
-        surface = abs(near)
-        if abs(below - above) < CARRIED * min(below, above):
-            surface = below + (above - below) * f
+        mixed = below + (above - below) * f
+        surface = mixed if abs(below - above) < CARRIED * min(below, above) else abs(near)
         depth = rho - surface * unit_m
         entry = int(min(max((depth - model.depth_from_m) * model.per_m, 0.0), last_entry))
         say[ODDS, m] += weight * (model.solid[entry] if near > 0.0 else model.scatter[entry])
@@ -182,6 +207,16 @@ def _say_of_scan(
         elif depth <= model.surface_to_m and abs(depth) < say[DEPTH, m]:
             say[DEPTH, m] = abs(depth)
             say[SCAN, m] = k
+    if nearest:
+        ground = memory.ground[k]
+        half = 0.5 * CELLS * CELL_M
+        for m in range(count):
+            s = (m + skipped + 0.5) / marks
+            p = (start[0] + s * along[0] + half) / CELL_M
+            q = (start[1] + s * along[1] + half) / CELL_M
+            p = min(max(p, 0.0), CELLS - 1.0)
+            q = min(max(q, 0.0), CELLS - 1.0)
+            say[HEIGHT, m] = start[2] + s * along[2] - ground[int(p), int(q)]
 
 
 @kernel
@@ -197,23 +232,29 @@ def _judge_lines(
     chosen = np.empty(model.weights.shape[1], np.int64)
     rank = np.empty(model.weights.shape[1])
     say = np.empty((5, MOST_MARKS))
+    aim = np.empty((2, MOST_MARKS))
+    cell = np.empty(MOST_MARKS, np.int32)
     for i in range(start, stop):
         a, b = first[i], second[i]
         length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
         marks = int(min(max(np.ceil(length / model.mark_m), 1.0), float(MOST_MARKS)))
         piece = length / marks
         # Marks up to end_m from the ends: the first kept one is the first beyond it.
-        skipped = int(np.floor(model.end_m / piece + 0.5)) if length > 2.0 * model.end_m else marks
+        skipped = (marks + 1) // 2
+        if length > 2.0 * model.end_m:
+            skipped = min(int(np.floor(model.end_m / piece + 0.5)), skipped)
         say[ODDS, :marks] = 0.0
         say[GAP, :marks] = np.inf
         say[DEPTH, :marks] = np.inf
         count = _nearest_scans(memory, a, b, chosen, rank)
         for n in range(count):
             weight = model.weights[count - 1, n]
-            _say_of_scan(memory, chosen[n], a, b, marks, skipped, n == 0, weight, model, say)
+            _say_of_scan(
+                memory, chosen[n], a, b, marks, skipped, n == 0, weight, model, say, aim, cell
+            )
         free, seen, hidden, unknown, clearance = 0.0, 0.0, 0.0, 0.0, np.inf
         worst, worst_at, worst_scan = 0.0, 0.0, -1
-        for m in range(skipped, marks - skipped):
+        for m in range(marks - 2 * skipped):
             entry = (say[HEIGHT, m] - model.height_from_m) * model.per_m
             odds = say[ODDS, m] + model.heights[int(min(max(entry, 0.0), len(model.heights) - 1.0))]
             entry = (odds - model.share_from) * model.shares_per_odds
@@ -223,7 +264,7 @@ def _judge_lines(
                 seen += filled
                 if filled > worst:
                     worst, worst_scan = filled, int(say[SCAN, m])
-                    worst_at = (m + 0.5) * piece
+                    worst_at = (m + skipped + 0.5) * piece
             elif say[GAP, m] < np.inf:
                 free += filled
                 clearance = min(clearance, max(min(say[GAP, m], say[HEIGHT, m]), 0.0))
