@@ -1,7 +1,6 @@
 """``intervis sight``: one sight line, explained in words."""
 
-import math
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -47,6 +46,7 @@ def sight(
     from_point = None if named else options.coordinates(start, "--from")
 
     from intervis.drives import open_drive
+    from intervis.sight import explain
 
     drive = open_drive(source, camera=camera)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
@@ -54,7 +54,7 @@ def sight(
     scene = remembered_scene(drive, now, asked_frames)
     remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
     show(f"{drive.name}, frame {now.number}, {remembered}; coordinates in its sensor's frame.")
-    show(in_words(from_point, to_point, scene.sight(from_point, [to_point])))
+    show(str(explain(scene, from_point, to_point)))
 
 
 def _named_place(frame: "Frame", name: str | None) -> Place:
@@ -93,68 +93,3 @@ def remembered_scene(
         scene.add(other.points, inverse(now.pose) @ other.pose)
     scene.add(now.points)
     return scene
-
-
-def in_words(start: Place, end: Place, answer: Any) -> str:
-    """One line's answer in sentences.
-
-    Parameters
-    ----------
-    start, end : three numbers
-        Metres.
-    answer : Sight
-        Of shape (1,).
-    """
-    from intervis.sight import OCCLUDED, VISIBLE
-
-    state, probability = int(answer.state[0]), float(answer.probability[0])
-    clearance_m = float(answer.clearance[0])
-    line = f"The line from {_place(start)} to {_place(end)} is {math.dist(start, end):.1f} m long."
-    if state == VISIBLE:
-        verdict = f"VISIBLE: it is open with a probability of {_percent(probability)}."
-        return f"{line}\n{verdict}\n{_gap(clearance_m)}"
-    if state == OCCLUDED:
-        blocker = tuple(map(float, answer.blocker[0]))
-        verdict = f"OCCLUDED: it is open with a probability of {_percent(probability)} only."
-        return f"{line}\n{verdict}\n{_obstacle(start, blocker, clearance_m)}"
-    verdict = f"UNKNOWN: {_why_unknown(probability)}"
-    return f"{line}\n{verdict}\n{_gap(clearance_m)}".rstrip()
-
-
-def _why_unknown(probability: float) -> str:
-    from intervis.sight.evidence import VISIBLE_FROM
-
-    if math.isnan(probability):
-        return "it cannot be judged."
-    if probability >= VISIBLE_FROM:
-        return "nothing is known to stand in its way, but too much of it was seen by no scan."
-    return f"what the scans saw does not decide; it is open with {_percent(probability)}."
-
-
-def _percent(probability: float) -> str:
-    """Rounded, but never as certain as 0 or 100 %."""
-    if probability < 0.01:
-        return "less than 1 %"
-    if probability > 0.99:
-        return "more than 99 %"
-    return f"{100 * probability:.0f} %"
-
-
-def _gap(clearance_m: float) -> str:
-    if math.isfinite(clearance_m):
-        return f"Where it was seen, it clears the nearest surface by {clearance_m:.2f} m."
-    return ""
-
-
-def _obstacle(start: Place, blocker: tuple[float, ...], clearance_m: float) -> str:
-    if not all(map(math.isfinite, blocker)):
-        return "What blocks it was not seen at one place."
-    away_m = math.dist(start, blocker)
-    return (
-        f"A surface stands in the way at {_place(blocker)}, {away_m:.1f} m from the start;"
-        f" {abs(clearance_m):.2f} m higher, lower or to the side the line would pass it."
-    )
-
-
-def _place(point: tuple[float, ...]) -> str:
-    return "(" + ", ".join(f"{c:.2f}" for c in point) + ")"

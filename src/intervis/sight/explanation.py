@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arrays import Float64Array, checked_point
-from intervis.sight.scene import OCCLUDED, VISIBLE, Scene
+from intervis.sight.scene import OCCLUDED, VISIBLE, Scene, Sight
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,24 @@ def explain(scene: Scene, viewpoint: ArrayLike, target: ArrayLike) -> Explanatio
     """
     start = checked_point(viewpoint, "viewpoint")
     end = checked_point(target, "target")
-    sight = scene.sight(start, end[None])
+    return in_words(start, end, scene.sight(start, end[None]), scene.unknown_length(start, end))
+
+
+def in_words(start: Float64Array, end: Float64Array, sight: Sight, unknown_m: float) -> Explanation:
+    """The explanation of one line's answer.
+
+    Parameters
+    ----------
+    start, end : (3,) float64 arrays
+        Scene frame, metres.
+    sight : Sight
+        Of one line: shape (1,).
+    unknown_m : float
+        How much of the line no scan saw, metres.
+    """
     state, probability = int(sight.state[0]), float(sight.probability[0])
     length_m = float(np.linalg.norm(end - start))
     blocker, clearance_m = sight.blocker[0], float(sight.clearance[0])
-    unknown_m = scene.unknown_length(start, end)
     blocker_m = float(np.linalg.norm(blocker - start))
     if state == OCCLUDED:
         words = _occluded(blocker, blocker_m, length_m, clearance_m)
@@ -78,7 +91,7 @@ def explain(scene: Scene, viewpoint: ArrayLike, target: ArrayLike) -> Explanatio
         words = _unknown(length_m, unknown_m)
     name = {OCCLUDED: "Occluded", VISIBLE: "Visible"}.get(state, "Unknown")
     return Explanation(
-        f"{name}: visible with a probability of {100 * probability:.0f} %. {words}",
+        f"{name}: visible with a probability of {_percent(probability)}. {words}",
         state,
         probability,
         length_m,
@@ -89,15 +102,26 @@ def explain(scene: Scene, viewpoint: ArrayLike, target: ArrayLike) -> Explanatio
     )
 
 
+def _percent(probability: float) -> str:
+    """Rounded, but never as certain as 0 or 100 %."""
+    if probability < 0.01:
+        return "less than 1 %"
+    if probability > 0.99:
+        return "more than 99 %"
+    return f"{100 * probability:.0f} %"
+
+
 def _place(point: Float64Array) -> str:
     return "(" + ", ".join(f"{value:.1f}" for value in point) + ")"
 
 
 def _occluded(blocker: Float64Array, at_m: float, length_m: float, clearance_m: float) -> str:
+    if not np.isfinite(blocker).all():
+        return "What blocks it was not seen at one place."
     return (
         f"A surface that was seen blocks the line {at_m:.1f} m from the viewpoint (of"
         f" {length_m:.1f} m), at {_place(blocker)}; the line would have to pass"
-        f" {-clearance_m:.1f} m higher, lower or beside to clear it."
+        f" {abs(clearance_m):.1f} m higher, lower or beside to clear it."
     )
 
 
