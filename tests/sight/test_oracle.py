@@ -66,6 +66,7 @@ def test_engine_agrees_between_returns(scene, rng):
 
 
 @pytest.mark.slow
-def test_engine_agrees_on_a_million_lines(scene, rng):
-    for _ in range(50):
+def test_engine_agrees_on_many_lines(scene, rng):
+    """A fifth of a million; raise the count for an idle machine, 15 minutes a million."""
+    for _ in range(10):
         compare(scene, *random_lines(rng, 20_000))

@@ -175,3 +175,14 @@ def test_space_never_scanned_is_unknown(scene):
 def test_a_viewpoint_inside_a_house_sees_nothing(scene):
     sight = scene.sight([8.0, 14.0, 0.0], [[8.0, 0.0, 0.0], [0.0, -6.0, 0.0], [8.0, 17.0, 0.0]])
     assert (sight.state != VISIBLE).all()
+
+
+def test_more_caution_calls_fewer_lines_visible(scene, rng):
+    targets = rng.normal(0, 15, (2000, 3)) * [1, 1, 0.1]
+    usual = scene.sight([1.0, 0, 0], targets)
+    careful = scene.sight([1.0, 0, 0], targets, visible_from=0.95)
+    assert (careful.state == VISIBLE).sum() < (usual.state == VISIBLE).sum()
+    assert (careful.probability[careful.state == VISIBLE] >= 0.95).all()
+    assert np.array_equal(careful.state == OCCLUDED, usual.state == OCCLUDED)
+    with pytest.raises(SettingsError):
+        scene.sight([1.0, 0, 0], targets, visible_from=1.5)

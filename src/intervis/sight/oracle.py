@@ -23,7 +23,7 @@ class Verdict(NamedTuple):
     seen: float
     hidden: float
     unknown_m: float
-    length_m: float
+    judged_m: float
 
     @property
     def exponent(self) -> float:
@@ -39,7 +39,7 @@ class Verdict(NamedTuple):
             np.exp(-self.exponent) >= model.VISIBLE_FROM
             and self.seen < model.VISIBLE_SEEN
             and self.hidden < model.VISIBLE_HIDDEN
-            and self.unknown_m <= min(model.UNKNOWN_M, model.UNKNOWN_SHARE * self.length_m)
+            and self.unknown_m <= min(model.UNKNOWN_M, model.UNKNOWN_SHARE * self.judged_m)
         ):
             return 1
         return -1
@@ -76,7 +76,7 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
         float(filled[surface].sum()),
         float(filled[~free & ~surface].sum()),
         float(piece * np.count_nonzero(~free & ~surface)),
-        float(np.linalg.norm(b - a)),
+        max(float(np.linalg.norm(b - a)) - 2.0 * model.END_M, 0.0),
     )
 
 

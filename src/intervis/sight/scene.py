@@ -19,6 +19,7 @@ from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.chart import chart_of
 from intervis.sight.engine import Memory, judge_lines
 from intervis.sight.evidence import (
+    END_M,
     OCCLUDED_SEEN,
     UNKNOWN_M,
     UNKNOWN_SHARE,
@@ -145,7 +146,12 @@ class Scene:
         self._memory.add(chart_of(kept, sensor), scene_from_sensor)
 
     def sight(
-        self, viewpoint: ArrayLike, targets: ArrayLike, *, max_range_m: float | None = None
+        self,
+        viewpoint: ArrayLike,
+        targets: ArrayLike,
+        *,
+        max_range_m: float | None = None,
+        visible_from: float = VISIBLE_FROM,
     ) -> Sight:
         """Which targets are visible from a viewpoint, or from each of many.
 
@@ -157,6 +163,9 @@ class Scene:
             Metres, scene frame. A target that is not finite is unknown.
         max_range_m : float or None
             Longer lines are not judged: unknown, probability NaN.
+        visible_from : float
+            Least probability at which a line is called visible. More caution leaves more lines
+            unknown, and fewer wrong ones visible.
 
         Returns
         -------
@@ -169,19 +178,22 @@ class Scene:
             Wrong shape or type, or a viewpoint that is not finite.
         SceneError
             The scene holds no scan.
+        SettingsError
+            `visible_from` is no probability.
         """
+        if not 0.0 <= visible_from <= 1.0:
+            raise SettingsError(f"visible_from is a probability, got {visible_from}.")
         from_points = _viewpoints(viewpoint)
         to_points = _targets(targets)
         shape = (len(from_points), len(to_points))
         answer = _unknown(shape)
         memory = self._packed()
-        per_row = max(1, LINES_AT_ONCE)
         for row, start in enumerate(from_points):
-            for low in range(0, shape[1], per_row):
-                part = slice(low, min(low + per_row, shape[1]))
+            for low in range(0, shape[1], LINES_AT_ONCE):
+                part = slice(low, low + LINES_AT_ONCE)
                 ends = to_points[part]
                 starts = np.broadcast_to(start, ends.shape)
-                _answer(memory, starts, ends, max_range_m, answer, (row, part))
+                _answer(memory, starts, ends, max_range_m, visible_from, answer, (row, part))
         return answer if np.ndim(viewpoint) == 2 else _row(answer)
 
     def sight_lines(self, starts: ArrayLike, ends: ArrayLike) -> Sight:
@@ -205,7 +217,9 @@ class Scene:
         memory = self._packed()
         for low in range(0, len(to_points), LINES_AT_ONCE):
             part = slice(low, low + LINES_AT_ONCE)
-            _answer(memory, from_points[part], to_points[part], None, answer, (0, part))
+            _answer(
+                memory, from_points[part], to_points[part], None, VISIBLE_FROM, answer, (0, part)
+            )
         return _row(answer)
 
     def sight_within(
@@ -296,6 +310,7 @@ def _answer(
     starts: FloatArray,
     ends: FloatArray,
     max_range_m: float | None,
+    visible_from: float,
     answer: Sight,
     where: tuple[int, slice],
 ) -> None:
@@ -309,13 +324,13 @@ def _answer(
     first, second = _ordered(starts[chosen], ends[chosen])
     found = judge_lines(memory, first, second)
     probability = np.exp(-found.exponent)
-    length_m = np.linalg.norm(second - first, axis=1)
+    judged_m = np.maximum(np.linalg.norm(second - first, axis=1) - 2.0 * END_M, 0.0)
     state = np.full(len(chosen), UNKNOWN, np.int8)
     state[
-        (probability >= VISIBLE_FROM)
+        (probability >= visible_from)
         & (found.seen < VISIBLE_SEEN)
         & (found.hidden < VISIBLE_HIDDEN)
-        & (found.unknown_m <= np.minimum(UNKNOWN_M, UNKNOWN_SHARE * length_m))
+        & (found.unknown_m <= np.minimum(UNKNOWN_M, UNKNOWN_SHARE * judged_m))
     ] = VISIBLE
     blocked = found.seen > OCCLUDED_SEEN
     state[blocked] = OCCLUDED
