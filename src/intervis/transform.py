@@ -75,7 +75,7 @@ def inverse(pose: Float64Array) -> Float64Array:
     True
     """
     # A calibrated rotation is orthonormal only to its printed digits: invert it, do not transpose.
-    return np.linalg.inv(pose)
+    return np.asarray(np.linalg.inv(pose), dtype=np.float64)
 
 
 def transform(pose: Float64Array, points: FloatArray) -> Float64Array:

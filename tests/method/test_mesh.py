@@ -79,6 +79,19 @@ def test_copies_of_a_position_do_not_break_the_mesh(rng):
     assert mesh.area.sum() == pytest.approx(ConvexHull(chart).volume)
 
 
+@given(st.integers(0, 2**32 - 1))
+def test_positions_on_lines_to_the_last_bit_leave_no_hole(seed):
+    """Rays from the sensor through noisy ranges: many triples on one line, exactly or nearly."""
+    rng = np.random.default_rng(seed)
+    azimuth_rad = np.repeat(np.linspace(-0.5, 0.5, 12), 6)
+    range_m = rng.uniform(5, 40, 72).astype(np.float32)
+    chart = np.column_stack([range_m * np.cos(azimuth_rad), range_m * np.sin(azimuth_rad)])
+    chart = chart.astype(np.float32).astype(np.float64)
+    mesh = build_mesh(chart)
+    assert len(mesh.edges) == len(mesh.triangles) + len(chart) - 1  # Euler, for a disc
+    assert mesh.area.sum() == pytest.approx(ConvexHull(chart).volume)
+
+
 @pytest.mark.parametrize(
     ("chart", "edges"),
     [

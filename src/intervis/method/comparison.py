@@ -328,9 +328,7 @@ def _count_over(
 
 @dataclass(frozen=True, eq=False)
 class _Sheet:
-    """A triangulated surface that lines can be followed over: the whole hull, without a hole.
-
-    Unlike `build_mesh` it keeps slivers without area: a line that meets one walks on.
+    """A mesh that lines can be followed over, from each triangle to the next across its edges.
 
     Attributes
     ----------

@@ -8,7 +8,8 @@ from scipy.spatial import Delaunay, QhullError
 from intervis.arrays import Float64Array, IntArray
 
 SLIVER = 1e-12
-"""Triangles of less than this share of the chart's extent squared have no area: left out."""
+"""A triangulation whose largest triangle is less than this share of the chart's extent squared lies
+on one line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +36,9 @@ def build_mesh(chart: Float64Array) -> Mesh:
 
     With n distinct positions of which h lie on the hull it has N = 2n - 2 - h triangles and
     E = N + n - 1 edges. Copies of a position stay without edges, save the first that the
-    triangulation takes. Positions on one line (and fewer than three of them) give no triangle but
-    a chain of edges from each to the next.
+    triangulation takes. Slivers between positions on one line are kept, so that the mesh has no
+    holes. Where all positions lie on one line (or are fewer than three) there is no triangle but a
+    chain of edges from each to the next.
 
     Parameters
     ----------
@@ -57,9 +59,8 @@ def build_mesh(chart: Float64Array) -> Mesh:
             found = np.empty((0, 3), np.int64)
         area = signed_area(chart, found)
         found[area < 0] = found[area < 0][:, ::-1]
-        keep = np.abs(area) > SLIVER * extent**2
-        if keep.any():
-            return Mesh(found[keep], np.abs(area[keep]), unique_edges(found[keep], len(chart)))
+        if len(found) and np.abs(area).max() > SLIVER * extent**2:
+            return Mesh(found, np.abs(area), unique_edges(found, len(chart)))
     return Mesh(np.empty((0, 3), np.int64), np.empty(0), _chain(chart))
 
 

@@ -19,10 +19,10 @@ figure { margin: 0 0 2rem; }
 img { width: 100%; height: auto; display: block; }
 figcaption, p.note { font-size: .88rem; color: #555c66; margin: .5rem 0 0; }
 .wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums;
+table { border-collapse: collapse; font-size: .84rem; font-variant-numeric: tabular-nums;
         min-width: 40%; }
 caption { text-align: left; font-weight: 600; padding: .3rem 0; }
-th, td { text-align: right; padding: .25rem .6rem; border-bottom: 1px solid #e3e6ea;
+th, td { text-align: right; padding: .25rem .5rem; border-bottom: 1px solid #e3e6ea;
          white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; }
 th { border-bottom: 1px solid #8a9099; }

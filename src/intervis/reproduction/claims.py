@@ -187,9 +187,7 @@ def _counts(result: FrameExperiment) -> Claim:
         f"{len(missed) - off} of {len(missed)} equalities exact, tau = 1 ... 100",
         HOLDS if off == 0 and missed else PARTLY,
         "n = ceil(n_fov / tau), N = 2 n - 2 - h, SP = N + n - 1. Returns that lie exactly over one"
-        " another share one place in the mesh; where returns lie on a line to the last bit, as on"
-        " made walls, slivers without area are left out of it, and each hole adds 2 to N and 1 to"
-        " SP.",
+        " another share one place in the mesh.",
     )
 
 
