@@ -3,14 +3,15 @@
 import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
-from intervis.kernels import kernel
+from intervis.kernels import in_parts, kernel
 from intervis.sight.chart import TURN, turn_of
 from intervis.sight.engine import Memory, surface_at
 
 REACH_M = 1.5
 """The surface is looked for so far along the line, to either side of the mark it blocks."""
-STEP_M = 0.05
-FARTHEST_MISS_M = 30.0
+STEP_M = 0.1
+FARTHEST_MISS_M = 10.0
+"""A line that would have to move farther is said to miss by this much."""
 
 
 @kernel
@@ -30,27 +31,29 @@ def _crossing(
     memory: Memory, k: int, a: Float64Array, along: Float64Array, length: float, worst: float
 ) -> float:
     """Distance from `a` where the line crosses scan k's surface next to `worst`; else `worst`."""
-    best = worst
-    nearest = np.inf
-    for side in (-1.0, 1.0):
-        at = worst
-        before = _depth(memory, k, a[0] + at * along[0], a[1] + at * along[1], a[2] + at * along[2])
-        for _ in range(int(REACH_M / STEP_M)):
-            at += side * STEP_M
-            if not (0.0 <= at <= length):
-                break
+    here = _depth(
+        memory, k, a[0] + worst * along[0], a[1] + worst * along[1], a[2] + worst * along[2]
+    )
+    before = here  # towards the first end
+    after = here  # towards the second one
+    for n in range(1, int(REACH_M / STEP_M) + 1):
+        low = worst - n * STEP_M
+        high = worst + n * STEP_M
+        if low >= 0.0:
             depth = _depth(
-                memory, k, a[0] + at * along[0], a[1] + at * along[1], a[2] + at * along[2]
+                memory, k, a[0] + low * along[0], a[1] + low * along[1], a[2] + low * along[2]
             )
             if before * depth <= 0.0:
-                share = before / (before - depth) if before != depth else 0.0
-                place = at - side * STEP_M * (1.0 - share)
-                if abs(place - worst) < nearest:
-                    nearest = abs(place - worst)
-                    best = place
-                break
+                return low + STEP_M * (depth / (depth - before) if depth != before else 0.0)
             before = depth
-    return best
+        if high <= length:
+            depth = _depth(
+                memory, k, a[0] + high * along[0], a[1] + high * along[1], a[2] + high * along[2]
+            )
+            if after * depth <= 0.0:
+                return high - STEP_M * (depth / (depth - after) if depth != after else 0.0)
+            after = depth
+    return worst
 
 
 @kernel
@@ -87,7 +90,7 @@ def _miss(memory: Memory, k: int, x: float, y: float, z: float) -> float:
 
 
 @kernel
-def meet_surfaces(
+def _meet(
     memory: Memory,
     first: Float64Array,
     second: Float64Array,
@@ -95,14 +98,11 @@ def meet_surfaces(
     worst_scan: IntArray,
     blocker: Float64Array,
     miss_m: Float64Array,
+    begin: int,
+    end: int,
 ) -> None:
-    """Fill where blocked lines meet the surface (L, 3) and by how much they miss the gap (L,).
-
-    The miss is measured at the mark that is most likely filled, across the beam of the scan that
-    saw the surface: the least shift up, down or sideways after which that scan saw farther.
-    """
     along = np.empty(3)
-    for i in range(len(first)):
+    for i in range(begin, end):
         k = worst_scan[i]
         if k < 0:
             continue
@@ -121,3 +121,25 @@ def meet_surfaces(
         miss_m[i] = _miss(
             memory, k, a[0] + at * along[0], a[1] + at * along[1], a[2] + at * along[2]
         )
+
+
+def meet_surfaces(
+    memory: Memory,
+    first: Float64Array,
+    second: Float64Array,
+    worst_m: Float64Array,
+    worst_scan: IntArray,
+) -> tuple[Float64Array, Float64Array]:
+    """Where L blocked lines meet the surface (L, 3), and by how much they miss the gap (L,).
+
+    The miss is measured at the mark that is most likely filled, across the beam of the scan that
+    saw the surface: the least shift up, down or sideways after which that scan saw farther, or
+    saw nothing.
+    """
+    blocker, miss_m = np.full((len(first), 3), np.nan), np.zeros(len(first))
+
+    def work(begin: int, end: int) -> None:
+        _meet(memory, first, second, worst_m, worst_scan, blocker, miss_m, begin, end)
+
+    in_parts(work, len(first), least=512)
+    return blocker, miss_m

@@ -338,10 +338,8 @@ def _answer(
     blocker = np.full((len(chosen), 3), np.nan)
     clearance = found.clearance_m
     at = np.flatnonzero(blocked)
-    meeting = np.full((len(at), 3), np.nan)
-    miss_m = np.zeros(len(at))
-    meet_surfaces(
-        memory, first[at], second[at], found.worst_m[at], found.worst_scan[at], meeting, miss_m
+    meeting, miss_m = meet_surfaces(
+        memory, first[at], second[at], found.worst_m[at], found.worst_scan[at]
     )
     blocker[at] = meeting
     clearance[at] = -miss_m
