@@ -46,7 +46,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 
-MARK_M = 0.2
+MARK_M = 0.3
 END_M = 0.4
 SCANS = 6
 """So many scans have a say about one line: those nearest to one of its ends."""
@@ -58,7 +58,7 @@ RATE_PER_M = 1.31
 NOISE = 2e-3
 VISIBLE_FROM, VISIBLE_SEEN, VISIBLE_HIDDEN = 0.75, 0.3, 0.25
 UNKNOWN_M, UNKNOWN_SHARE = 10.0, 0.85
-OCCLUDED_SEEN = 0.8
+OCCLUDED_SEEN = 0.85
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
 
 DEPTH_M = np.array([-4, -1.5, -0.7, -0.3, -0.1, 0.1, 0.3, 0.6, 1, 1.6, 2.5, 4, 7, 12, 20])
