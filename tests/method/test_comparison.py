@@ -161,7 +161,7 @@ def test_three_returns_or_a_line_of_them_are_enough():
 
 
 def test_bad_requests_say_what_is_wrong():
-    with pytest.raises(PointsError, match="finite"):
+    with pytest.raises(PointsError, match="no return"):
         global_points(np.full((3, 3), np.nan))
     with pytest.raises(SettingsError, match="corridor_m"):
         global_points(street(0, 5), corridor_m=0.0)

@@ -12,19 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import Delaunay, QhullError
 
 from intervis.arrays import (
     BoolArray,
-    Float32Array,
     Float64Array,
     IntArray,
     checked_points,
-    finite_rows,
 )
 from intervis.camera import Camera
-from intervis.errors import PointsError, SettingsError
-from intervis.kernels import in_parts, kernel
+from intervis.errors import SettingsError
 from intervis.method import graph
 from intervis.method.analysis import (
     Analysis,
@@ -33,9 +29,11 @@ from intervis.method.analysis import (
     field_of_view,
     meta_viewpoint,
 )
+from intervis.method.corridor import obstacles_among_all
 from intervis.method.criteria import NOT_REACHED, ROOT, intervisible_region
 from intervis.method.measures import measure
-from intervis.method.mesh import Mesh, build_mesh, signed_area, unique_edges
+from intervis.method.mesh import Mesh
+from intervis.method.sheet import build_sheet, obstacles_on_sheet
 from intervis.settings import Settings
 
 CORRIDOR_M = 0.1
@@ -44,9 +42,6 @@ no hole in a corridor of this half width nearer than 65 m."""
 
 GAP_M = 0.5
 """The last stretch of a line is not judged: a surface does not hide itself."""
-
-TILE = 4096
-"""Raw points held against a part of the lines at once: 48 KiB, which stay in a near cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +89,8 @@ def global_points(
     Parameters
     ----------
     points : (N, 3) or (N, 4) float array
-        Raw scan, sensor frame (x forward, y left, z up), metres; non-finite rows are left out.
+        Raw scan, sensor frame (x forward, y left, z up), metres; rows that are no return
+        are left out.
     camera, cam_from_velo : Camera and (4, 4) array, or None
         The camera whose centre is the default viewpoint. Nothing is cut away by its view.
     viewpoint : (3,) array or None
@@ -105,12 +101,12 @@ def global_points(
     Returns
     -------
     SightLines
-        Its nodes are all finite returns, so n = n_fov = n_raw and ARR = 0.
+        Its nodes are all returns, so n = n_fov = n_raw and ARR = 0.
 
     Raises
     ------
     PointsError
-        `points` or `viewpoint` are malformed, or no row is finite.
+        `points` or `viewpoint` are malformed, or no row is a return.
     SettingsError
         `corridor_m` is not positive, or `gap_m` is negative.
 
@@ -126,18 +122,16 @@ def global_points(
     _check_widths(corridor_m, gap_m)
     mount = checked_mount(camera, cam_from_velo)
     clock = Clock()
-    nodes = np.flatnonzero(finite_rows(raw))
-    if len(nodes) == 0:
-        raise PointsError(f"none of the {len(raw)} points is finite: there is nothing to look at.")
+    nodes = field_of_view(raw, None, None, "circle").index
     origin = meta_viewpoint(viewpoint, camera, mount)
     position = raw[nodes].astype(np.float64)
     clock.lap("fov")
     clock.lap("sampling")
     chart = np.ascontiguousarray((position - origin)[:, :2])
     clock.lap("S1")
-    mesh = _sheet(chart).mesh
+    mesh = build_sheet(chart).mesh
     clock.lap("S2")
-    obstacles = _obstacles_among_all(position - origin, corridor_m, gap_m)
+    obstacles = obstacles_among_all(position - origin, corridor_m, gap_m)
     return _result("global points", raw, origin, nodes, mesh, obstacles, len(nodes) ** 2, clock)
 
 
@@ -195,9 +189,9 @@ def interpolation_points(
     clock.lap("sampling")
     chart = np.ascontiguousarray((position - origin)[:, :2])
     clock.lap("S1")
-    sheet = _sheet(chart)
+    sheet = build_sheet(chart)
     clock.lap("S2")
-    obstacles, crossings = _obstacles_on_surface(position - origin, sheet, gap_m)
+    obstacles, crossings = obstacles_on_sheet(position - origin, sheet, gap_m)
     return _result(
         "interpolation points",
         raw,
@@ -236,7 +230,7 @@ def _result(
     region = intervisible_region(mesh.triangles, mesh.edges, seen, edge)
     cut = graph.cut(mesh.edges, length, seen)
     clock.lap("S3")
-    n_raw = int(finite_rows(raw).sum())
+    n_raw = field_of_view(raw, None, None, "circle").n_raw
     return SightLines(
         settings=Settings(tau=1, metric="ground", chart="ground", criterion="sight_angle"),
         viewpoint=origin,
@@ -270,219 +264,3 @@ def _result(
         obstacles=obstacles,
         comparisons=comparisons,
     )
-
-
-def _obstacles_among_all(offset: Float64Array, corridor_m: float, gap_m: float) -> IntArray:
-    """(V,) how many of the V points stand over the sight line to each of them."""
-    x, y, z = (np.ascontiguousarray(column, dtype=np.float32) for column in offset.T)
-    reach = np.hypot(offset[:, 0], offset[:, 1])
-    over_0 = np.divide(1.0, reach, out=np.zeros_like(reach), where=reach > 0)
-    ux, uy, slope = ((offset[:, k] * over_0).astype(np.float32) for k in range(3))
-    # A touch shorter than the line: in single precision no target stands over its own line.
-    judged = (reach * (1.0 - 1e-6) - gap_m).astype(np.float32)
-    obstacles = np.zeros(len(offset), np.int64)
-    half_width = np.float32(corridor_m)
-
-    def work(start: int, stop: int) -> None:
-        _count_over(x, y, z, ux, uy, slope, judged, half_width, start, stop, obstacles)
-
-    in_parts(work, len(offset), least=256)
-    return obstacles
-
-
-@kernel
-def _count_over(
-    x: Float32Array,
-    y: Float32Array,
-    z: Float32Array,
-    ux: Float32Array,
-    uy: Float32Array,
-    slope: Float32Array,
-    judged: Float32Array,
-    half_width: np.float32,
-    start: int,
-    stop: int,
-    obstacles: IntArray,
-) -> None:
-    """Hold every point against the lines [start, stop).
-
-    A point stands over a line when its least margin is positive: inside the corridor, after P0,
-    before the gap, above the line. One minimum and no branch keep the loop on vector units.
-    """
-    for tile in range(0, x.shape[0], TILE):
-        tile_x = x[tile : tile + TILE]
-        tile_y = y[tile : tile + TILE]
-        tile_z = z[tile : tile + TILE]
-        for i in range(start, stop):
-            line_x, line_y, line_slope, line_judged = ux[i], uy[i], slope[i], judged[i]
-            count = np.int32(0)
-            for k in range(tile_x.shape[0]):
-                along = line_x * tile_x[k] + line_y * tile_y[k]
-                beside = half_width - abs(line_x * tile_y[k] - line_y * tile_x[k])
-                between = min(along, line_judged - along)
-                above = tile_z[k] - line_slope * along
-                margin = min(min(beside, between), above)
-                count += np.int32(1) if margin > np.float32(0) else np.int32(0)
-            obstacles[i] += count
-
-
-@dataclass(frozen=True, eq=False)
-class _Sheet:
-    """A mesh that lines can be followed over, from each triangle to the next across its edges.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    beyond : (F, 3) int64 array
-        The triangle across the edge opposite to each corner, or -1 at the hull.
-    corners, first : (3 F,) and (V + 1,) int64 arrays
-        Corners 3 f + k where node i sits: corners[first[i]:first[i + 1]].
-    place : (V,) int64 array
-        The node itself, or the node of the mesh that a copy of its position coincides with.
-    """
-
-    mesh: Mesh
-    beyond: IntArray
-    corners: IntArray
-    first: IntArray
-    place: IntArray
-
-
-def _sheet(chart: Float64Array) -> _Sheet:
-    """Triangulate chart positions; positions on one line give a chain without triangles."""
-    nodes = len(chart)
-    extent = float(np.ptp(chart, axis=0).max())
-    try:
-        if nodes < 3 or extent == 0:
-            raise QhullError
-        found = Delaunay((chart - chart.mean(axis=0)) / extent)
-    except QhullError:
-        nothing = np.empty(0, np.int64)
-        first = np.zeros(nodes + 1, np.int64)
-        return _Sheet(build_mesh(chart), nothing.reshape(0, 3), nothing, first, np.arange(nodes))
-    triangles = found.simplices.astype(np.int64)
-    area = np.abs(signed_area(chart, triangles))
-    corners = np.argsort(triangles.ravel(), kind="stable")
-    place = np.arange(nodes)
-    copies = found.coplanar.astype(np.int64)
-    place[copies[:, 0]] = copies[:, 2]
-    return _Sheet(
-        mesh=Mesh(triangles, area, unique_edges(triangles, nodes)),
-        beyond=found.neighbors.astype(np.int64),
-        corners=corners,
-        first=np.searchsorted(triangles.ravel()[corners], np.arange(nodes + 1)),
-        place=place,
-    )
-
-
-def _obstacles_on_surface(
-    offset: Float64Array, sheet: _Sheet, gap_m: float
-) -> tuple[IntArray, IntArray]:
-    """(V,) crossings above each sight line, and crossings in all."""
-    obstacles = np.zeros(len(offset), np.int64)
-    crossings = np.zeros(len(offset), np.int64)
-
-    def work(start: int, stop: int) -> None:
-        _walk(
-            offset,
-            sheet.mesh.triangles,
-            sheet.beyond,
-            sheet.corners,
-            sheet.first,
-            sheet.place,
-            gap_m,
-            start,
-            stop,
-            obstacles,
-            crossings,
-        )
-
-    in_parts(work, len(offset), least=256)
-    return obstacles, crossings
-
-
-@kernel
-def _walk(
-    offset: Float64Array,
-    triangles: IntArray,
-    beyond: IntArray,
-    corners: IntArray,
-    first: IntArray,
-    place: IntArray,
-    gap_m: float,
-    start: int,
-    stop: int,
-    obstacles: IntArray,
-    crossings: IntArray,
-) -> None:
-    """Follow the lines from the targets [start, stop) to P0, the origin, from edge to edge.
-
-    Each edge on the way has one end to the right of the line (or on it) and one to the left, and
-    each triangle has two such edges or none, so a walk never comes back to a triangle.
-    """
-    for i in range(start, stop):
-        x, y, z = offset[i]
-        reach = np.hypot(x, y)
-        triangle, opposite = _entered(offset, triangles, corners, first, place[i])
-        while triangle >= 0:
-            right = triangles[triangle, (opposite + 1) % 3]
-            left = triangles[triangle, (opposite + 2) % 3]
-            if _side(offset, place[i], right) > 0.0:
-                right, left = left, right
-            share_home, height = _crossing(offset, place[i], right, left)
-            if share_home <= 0.0:
-                break  # beyond P0
-            if (1.0 - share_home) * reach > gap_m:
-                crossings[i] += 1
-                if height > share_home * z:
-                    obstacles[i] += 1
-            triangle = beyond[triangle, opposite]
-            if triangle < 0:
-                break  # the surface ends here
-            third = 0
-            while triangles[triangle, third] == right or triangles[triangle, third] == left:
-                third += 1
-            leaves = left if _side(offset, place[i], triangles[triangle, third]) > 0.0 else right
-            opposite = 0
-            while triangles[triangle, opposite] != leaves:
-                opposite += 1
-
-
-@kernel
-def _entered(
-    offset: Float64Array, triangles: IntArray, corners: IntArray, first: IntArray, i: int
-) -> tuple[int, int]:
-    """The triangle of node i's star that the line to P0 enters, and i's corner in it, or -1."""
-    if offset[i, 0] != 0.0 or offset[i, 1] != 0.0:
-        for c in range(first[i], first[i + 1]):
-            triangle, k = corners[c] // 3, corners[c] % 3
-            a = triangles[triangle, (k + 1) % 3]
-            b = triangles[triangle, (k + 2) % 3]
-            if (_side(offset, i, a) > 0.0) != (_side(offset, i, b) > 0.0):
-                share_home, _ = _crossing(offset, i, a, b)
-                if share_home < 1.0:
-                    return triangle, k
-    return -1, -1
-
-
-@kernel
-def _crossing(offset: Float64Array, i: int, a: int, b: int) -> tuple[float, float]:
-    """Where the line from node i to P0 crosses the edge from a to b, which straddles it.
-
-    Returns the share of the way that is still ahead (1 at node i, 0 at P0), and the elevation
-    interpolated on the edge.
-    """
-    side_a = _side(offset, i, a)
-    along = side_a / (side_a - _side(offset, i, b))
-    x = offset[a, 0] + along * (offset[b, 0] - offset[a, 0])
-    y = offset[a, 1] + along * (offset[b, 1] - offset[a, 1])
-    height = offset[a, 2] + along * (offset[b, 2] - offset[a, 2])
-    square = offset[i, 0] * offset[i, 0] + offset[i, 1] * offset[i, 1]
-    return (x * offset[i, 0] + y * offset[i, 1]) / square, height
-
-
-@kernel
-def _side(offset: Float64Array, i: int, j: int) -> np.float64:
-    """Positive where j lies to the left of the line from node i to P0."""
-    to_x, to_y = offset[j, 0] - offset[i, 0], offset[j, 1] - offset[i, 1]
-    return np.float64(offset[i, 1] * to_x - offset[i, 0] * to_y)
