@@ -14,6 +14,7 @@ from intervis.errors import DriveError, OutputError
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
+    from intervis.report.tables import Table
     from intervis.truth.evaluation import Evaluation
     from intervis.truth.pairs import Pairs
     from intervis.truth.paper_graph import GraphScore
@@ -54,6 +55,9 @@ def evaluate(
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write everything measured.")
     ] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(metavar="FILE.md", help="Write the tables as Markdown.")
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw the reliability plot.")
     ] = None,
@@ -67,14 +71,20 @@ def evaluate(
     from intervis.truth.protocols import checked_protocol
 
     known, asked = checked_protocol(protocol), parsed_pairs(pairs) if pairs is not None else None
-    for path in (json_file, plot):
+    for path in (json_file, markdown, plot):
         _check_folder(path)
     with _opened(source) as drive:
         evaluations = _evaluations(drive, asked, known, rivals)
         graphs = _graphs(drive, asked) if graph else {}
         identity = drive.identity()
-    _show(evaluations, every_setting)
-    _show_graphs(graphs)
+    tables = _tables(evaluations, graphs, every_setting)
+    for table in tables:
+        show(table.as_text() + "\n")
+    if markdown is not None:
+        from intervis.results import write_text
+
+        write_text(markdown, "\n\n".join(table.as_markdown() for table in tables) + "\n")
+        show(f"Tables: {markdown}")
     if json_file is not None:
         _write_json(json_file, identity, evaluations, graphs)
         show(f"Measured: {json_file}")
@@ -177,19 +187,18 @@ def _graphs(drive: "Drive", pairs: "Pairs | None") -> "dict[str, list[GraphScore
     return found
 
 
-def _show_graphs(graphs: "dict[str, list[GraphScore]]") -> None:
-    from intervis.report.accuracy import graph_table
+def _tables(
+    evaluations: "list[Evaluation]", graphs: "dict[str, list[GraphScore]]", every_setting: bool
+) -> "list[Table]":
+    from intervis.report.accuracy import accuracy_table, graph_table, questions_table
 
-    for truth, scores in graphs.items():
-        show(graph_table(truth, scores).as_text() + "\n")
-
-
-def _show(evaluations: "list[Evaluation]", every_setting: bool) -> None:
-    from intervis.report.accuracy import accuracy_table, questions_table
-
+    tables = []
     for evaluation in evaluations:
-        show(accuracy_table(evaluation, every_setting=every_setting).as_text() + "\n")
-        show(questions_table(evaluation).as_text() + "\n")
+        tables += [
+            accuracy_table(evaluation, every_setting=every_setting),
+            questions_table(evaluation),
+        ]
+    return tables + [graph_table(truth, scores) for truth, scores in graphs.items()]
 
 
 def _write_json(
