@@ -150,3 +150,16 @@ def test_what_is_not_known_is_a_dash():
     table = accuracy_table(evaluation_of([0.9, 0.8], [True, True]))
     assert table.rows[0][1] == "-"  # a correlation with a truth of one kind
     assert table.rows[0][3] == "0.025"
+
+
+def test_the_graph_and_markdown(drive, known_methods, tmp_path, capsys):
+    file, page = tmp_path / "accuracy.json", tmp_path / "accuracy.md"
+    command(drive, "--pairs", "0:5", "--graph", "--json", file, "--markdown", page)
+    shown = capsys.readouterr().out
+    assert "The paper's graph judged by held-out returns" in shown
+    graphs = json.loads(file.read_text())["graphs"]["held-out returns"]
+    assert {score["criterion"] for score in graphs} == {"elevation", "sight_angle", "sight_line"}
+    assert {score["tau"] for score in graphs} == {35, 10, 1}
+    text = page.read_text()
+    assert "sight_line" in text
+    assert "yard: held-out returns, protocol single" in text
