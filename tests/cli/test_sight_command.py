@@ -75,3 +75,13 @@ def test_other_frames_are_laid_over_by_their_poses(tmp_path, capsys):
     command = ["sight", str(folder), "--frame", "2", "--from", "sensor", "--to", "9,1,0"]
     assert exit_code([*command, "--frames", ":"]) == 0
     assert "frame 2, 3 scans;" in capsys.readouterr().out
+
+
+def test_the_picture_shows_what_is_seen(wall, tmp_path, capsys):
+    path = tmp_path / "seen.png"
+    command = ["sight", str(wall), "--from", "sensor", "--to", "30,1,0", "--picture", str(path)]
+    assert exit_code(command) == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert f"Picture: {path}" in capsys.readouterr().out
+    assert exit_code([*command[:-1], str(tmp_path / "nowhere" / "seen.png")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

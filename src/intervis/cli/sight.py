@@ -1,5 +1,6 @@
 """``intervis sight``: one sight line, explained in words."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,7 +11,7 @@ from intervis.cli.terminal import show
 
 if TYPE_CHECKING:
     from intervis.drives import Drive, Frame
-    from intervis.sight import Scene
+    from intervis.sight import Explanation, Scene
 
 Place = tuple[float, float, float]
 
@@ -34,6 +35,10 @@ def sight(
             metavar="A:B", help="Remember these frames as well, laid over frame N by the poses."
         ),
     ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Draw the line, and what is seen from its start."),
+    ] = None,
     camera: CameraName = None,
 ) -> None:
     """Explain one sight line.
@@ -54,7 +59,11 @@ def sight(
     scene = remembered_scene(drive, now, asked_frames)
     remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
     show(f"{drive.name}, frame {now.number}, {remembered}; coordinates in its sensor's frame.")
-    show(str(explain(scene, from_point, to_point)))
+    explained = explain(scene, from_point, to_point)
+    show(str(explained))
+    if picture is not None:
+        _draw(picture, now, scene, from_point, to_point, explained)
+        show(f"Picture: {picture}")
 
 
 def _named_place(frame: "Frame", name: str | None) -> Place:
@@ -93,3 +102,18 @@ def remembered_scene(
         scene.add(other.points, inverse(now.pose) @ other.pose)
     scene.add(now.points)
     return scene
+
+
+def _draw(
+    path: Path, now: "Frame", scene: "Scene", start: Place, end: Place, explained: "Explanation"
+) -> None:
+    import numpy as np
+
+    from intervis.arrays import finite_rows
+    from intervis.report.sight_figure import sight_from_above
+    from intervis.report.style import save_figure
+
+    points = now.points[finite_rows(now.points)]
+    answers = scene.sight(start, points)
+    figure = sight_from_above(points, answers, np.array(start), explained, np.array(end))
+    save_figure(figure, path)

@@ -9,7 +9,6 @@ from intervis.arrays import BoolArray, Float64Array, finite_rows
 from intervis.method.field_of_view import VIEW_ANGLE_DEG, image_from_velo
 from intervis.method.surface import chart_coordinates
 from intervis.report.style import (
-    DPI,
     FAINT,
     INK,
     INTERVISIBLE,
@@ -21,8 +20,8 @@ from intervis.report.style import (
     legend_below,
     mark_viewpoint,
     page_figure,
+    save_figure,
 )
-from intervis.results import write_whole
 from intervis.transform import inverse, transform
 
 if TYPE_CHECKING:
@@ -284,13 +283,9 @@ def save_pictures(frame: "Frame", analysis: "Analysis", folder: Path) -> list[Pa
     for name, figure in figures.items():
         if figure is not None:
             path = folder / f"{name}.png"
-            _save(figure, path)
+            save_figure(figure, path)
             written.append(path)
     return written
-
-
-def _save(figure: "Figure", path: Path) -> None:
-    write_whole(path, lambda file: figure.savefig(file, format="png", dpi=DPI, facecolor="white"))
 
 
 def _pixels(frame: "Frame", points: Float64Array) -> tuple[Float64Array, BoolArray]:

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 from intervis.report.paper_plots import figure_4, figure_5, figure_9, figure_10, figure_curve
 from intervis.report.paper_scenes import figure_3, figure_6, figure_7, figure_8
-from intervis.report.style import DPI
+from intervis.report.style import save_figure
 from intervis.reproduction.curve import CurvePoint
 from intervis.reproduction.experiment import FrameExperiment
-from intervis.results import write_whole
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 PLOTS = ("figure-04", "figure-05", "figure-09", "figure-10")
 """Figures that are plots: written as SVG as well."""
@@ -91,9 +90,9 @@ def save_paper_figures(result: FrameExperiment, folder: Path) -> list[Path]:
     for name, make in draw.items():
         figure = make(result)
         written.append(folder / f"{name}.png")
-        _save(figure, written[-1], "png")
+        save_figure(figure, written[-1], "png")
         if name in PLOTS:
-            _save(figure, folder / f"{name}.svg", "svg")
+            save_figure(figure, folder / f"{name}.svg", "svg")
     return written
 
 
@@ -108,9 +107,5 @@ def save_curve(curve: Sequence[CurvePoint], folder: Path) -> Path:
         The file cannot be written.
     """
     path = folder / "granularity.svg"
-    _save(figure_curve(curve, Settings().tpi_tolerance), path, "svg")
+    save_figure(figure_curve(curve, Settings().tpi_tolerance), path, "svg")
     return path
-
-
-def _save(figure: "Figure", path: Path, kind: str) -> None:
-    write_whole(path, lambda file: figure.savefig(file, format=kind, dpi=DPI, facecolor="white"))

@@ -5,8 +5,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from intervis.report.style import DPI, FAINT, INK, INTERVISIBLE, NODE, legend_below, page_figure
-from intervis.results import write_whole
+from intervis.report.style import (
+    FAINT,
+    INK,
+    INTERVISIBLE,
+    NODE,
+    legend_below,
+    page_figure,
+    save_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,5 +77,4 @@ def save_reliability(evaluations: "list[Evaluation]", path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    figure = reliability_figure(evaluations)
-    write_whole(path, lambda file: figure.savefig(file, format="png", dpi=DPI, facecolor="white"))
+    save_figure(reliability_figure(evaluations), path)

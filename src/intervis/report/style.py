@@ -2,9 +2,11 @@
 
 import contextlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from intervis.errors import MissingExtraError
+from intervis.results import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -100,3 +102,14 @@ def mark_viewpoint(axes: Any, viewpoint: Any) -> None:
     """A star where one looks from, on a view from above."""
     look = {"color": INK, "edgecolor": "white", "linewidths": 0.4, "zorder": 6}
     dots(axes, viewpoint[None, :2], marker="*", s=40, label="viewpoint", **look)
+
+
+def save_figure(figure: "Figure", path: Path, kind: str = "png") -> None:
+    """Write a figure whole or not at all, as ``png`` or ``svg``.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    write_whole(path, lambda file: figure.savefig(file, format=kind, dpi=DPI, facecolor="white"))

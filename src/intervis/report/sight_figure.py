@@ -1,0 +1,91 @@
+"""A picture of sight lines: what of a scan is seen from a place, and one line in it."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from intervis.arrays import Float64Array, FloatArray
+from intervis.report.style import (
+    FAINT,
+    INK,
+    INTERVISIBLE,
+    NODE,
+    dots,
+    legend_below,
+    mark_viewpoint,
+    page_figure,
+)
+from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from intervis.sight import Explanation, Sight
+
+LOOK = {
+    UNKNOWN: ("unknown", FAINT),
+    OCCLUDED: ("occluded", NODE),
+    VISIBLE: ("visible", INTERVISIBLE),
+}
+"""Drawn in this order: what is seen lies over what is not."""
+
+SHOWN_M = 40.0
+
+
+def sight_from_above(
+    points: FloatArray,
+    sight: "Sight",
+    viewpoint: Float64Array,
+    line: "Explanation",
+    end: Float64Array,
+) -> "Figure":
+    """The returns of a scan, coloured by whether they are seen from the viewpoint; and one line.
+
+    Parameters
+    ----------
+    points : (K, 3) float array
+        Returns, scene frame, metres.
+    sight : Sight
+        Of the sight lines from the viewpoint to each of them, shape (K,).
+    viewpoint, end : (3,) float64 arrays
+        Ends of the line that is drawn in, metres.
+    line : Explanation
+        What is said of it.
+
+    Raises
+    ------
+    MissingExtraError
+        matplotlib (extra ``plots``) is not installed.
+    """
+    with page_figure(6.6) as (figure, axes):
+        for state, (name, colour) in LOOK.items():
+            chosen = sight.state == state
+            share = f"{name}, {100 * chosen.mean():.0f} %" if len(chosen) else name
+            dots(axes, points[chosen], s=1.2, color=colour, label=share)
+        _draw_line(axes, viewpoint, end, line)
+        mark_viewpoint(axes, viewpoint)
+        middle = (viewpoint + end) / 2
+        reach = max(SHOWN_M, 0.6 * float(np.abs(end - viewpoint)[:2].max()))
+        axes.set(
+            xlim=(middle[0] - reach, middle[0] + reach),
+            ylim=(middle[1] - reach, middle[1] + reach),
+            aspect="equal",
+            xlabel="x forward, m",
+            ylabel="y left, m",
+            title=f"{len(points):,} returns as seen from ({_numbers(viewpoint)})",
+        )
+        legend_below(figure, axes)
+        return figure
+
+
+def _draw_line(axes: Any, start: Float64Array, end: Float64Array, line: "Explanation") -> None:
+    across = np.stack([start, end])
+    axes.plot(across[:, 0], across[:, 1], color=INK, linewidth=0.9, zorder=5, label="the line")
+    dots(axes, end[None], s=16, color=INK, zorder=6)
+    if np.isfinite(line.blocker).all():
+        look = {"s": 34, "marker": "X", "color": NODE, "edgecolor": "white", "linewidths": 0.5}
+        dots(axes, line.blocker[None], label="blocked here", zorder=7, **look)
+
+
+def _numbers(point: Float64Array) -> str:
+    return ", ".join(f"{value:.1f}" for value in point)
