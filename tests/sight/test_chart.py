@@ -16,7 +16,7 @@ NOTHING = np.empty((0, 6))
 
 def at_cells(chart):
     """Azimuth (radians) and slope of the middles of a chart's cells."""
-    rows, columns = chart.cells.shape
+    columns, rows = chart.cells.shape
     slope = chart.slope_from + np.arange(rows) * chart.slope_step
     return (np.arange(columns) + 0.5) * (2 * np.pi / columns), slope
 
@@ -42,16 +42,16 @@ def test_a_plane_is_carried_on_exactly_between_the_beams():
     chart = chart_of(rays[hit] * range_m[hit, None], HDL_64E)
     _, slope = at_cells(chart)
     rows = (slope < np.tan(np.radians(-12.0))) & (slope > np.tan(np.radians(-24.0)))
-    rho = chart.unit_m * chart.cells[rows].astype(float)
+    rho = chart.unit_m * chart.cells[:, rows].astype(float)
     assert (rho > 0).all(), "a plane is one solid surface"
-    assert rho == pytest.approx(np.broadcast_to((GROUND_M / slope[rows])[:, None], rho.shape), 1e-3)
+    assert rho == pytest.approx(np.broadcast_to((GROUND_M / slope[rows]), rho.shape), 1e-3)
 
 
 def test_directions_without_a_return_hold_nothing():
     chart = chart_of(street_scan(boxes=NOTHING), HDL_64E)
     _, slope = at_cells(chart)
-    assert (chart.cells[slope > np.tan(np.radians(0.5))] == 0).all()
-    assert (chart.cells[slope < np.tan(np.radians(-26.5))] == 0).all()
+    assert (chart.cells[:, slope > np.tan(np.radians(0.5))] == 0).all()
+    assert (chart.cells[:, slope < np.tan(np.radians(-26.5))] == 0).all()
 
 
 def test_a_lone_return_is_scattered_and_small():

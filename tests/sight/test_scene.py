@@ -8,7 +8,6 @@ from made_scans import street_scan, turned
 
 from intervis.errors import PointsError, PoseError, SceneError, SettingsError
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
-from intervis.sight import scene as scene_module
 
 coordinate = st.floats(-60.0, 60.0, allow_nan=False)
 point = st.tuples(coordinate, coordinate, st.floats(-3.0, 8.0, allow_nan=False))
@@ -53,11 +52,24 @@ def test_many_viewpoints_are_as_one_at_a_time(scene, rng):
         assert np.array_equal(together.clearance[row], alone.clearance)
 
 
-def test_chunks_make_no_difference(scene, rng, monkeypatch):
-    targets = rng.normal(0, 20, (1000, 3))
+def test_company_makes_no_difference(scene, rng, monkeypatch):
+    """A line's answer is the same to the last bit, whichever lines and threads work beside it."""
+    targets = rng.normal(0, 20, (3000, 3))
+    monkeypatch.setenv("INTERVIS_THREADS", "1")
     whole = scene.sight([0.0, 0, 0], targets)
-    monkeypatch.setattr(scene_module, "LINES_AT_ONCE", 77)
+    monkeypatch.setenv("INTERVIS_THREADS", "3")
     assert same(whole, scene.sight([0.0, 0, 0], targets))
+    for part in (slice(0, 1), slice(7, 84), slice(1500, 2999)):
+        one = scene.sight([0.0, 0, 0], targets[part])
+        assert np.array_equal(one.probability, whole.probability[part])
+        assert np.array_equal(one.clearance, whole.clearance[part])
+        assert np.array_equal(one.blocker, whole.blocker[part], equal_nan=True)
+
+
+def test_targets_that_cannot_be_written_to_are_taken(scene, rng):
+    targets = rng.normal(0, 20, (10, 3))
+    targets.setflags(write=False)
+    assert same(scene.sight([0.0, 0, 0], targets), scene.sight([0.0, 0, 0], targets.copy()))
 
 
 def test_lines_within_a_range_are_the_dense_answer_picked(scene, rng):

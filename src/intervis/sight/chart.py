@@ -51,8 +51,9 @@ class Chart:
 
     Attributes
     ----------
-    cells : (R, C) int16 array
-        Signed horizontal range of the surface in units: see the module's text.
+    cells : (C, R) int16 array
+        Signed horizontal range of the surface in units: see the module's text. Column after
+        column, so that the rows that a sight line climbs lie side by side.
     unit_m : float
         Metres in a unit: the range divided by 32767, millimetres.
     slope_from, slope_step : float
@@ -213,7 +214,7 @@ def _store(image: Float32Array, far: int, units_per_m: float, cells: Int16Array)
         here = image[c]
         for k in range(rows):
             r = here[k]
-            cells[k, c] = 0
+            cells[c, k] = 0
             if r == 0.0:
                 continue
             agree = 0
@@ -226,7 +227,7 @@ def _store(image: Float32Array, far: int, units_per_m: float, cells: Int16Array)
             if k + far < rows and abs(r - here[k + far]) < 2.0 * AGREE_SHARE * here[k + far]:
                 agree += 1
             units = max(r * units_per_m, 1.0)
-            cells[k, c] = units if agree >= 3 else -units
+            cells[c, k] = units if agree >= 3 else -units
 
 
 def chart_of(points_velo: FloatArray, sensor: Sensor) -> Chart:
@@ -265,7 +266,7 @@ def chart_of(points_velo: FloatArray, sensor: Sensor) -> Chart:
     columns = max(8, round(360.0 / (COLUMN_SHARE * sensor.azimuth_step_deg)))
     usual = np.tan(np.radians(sensor.beam_spacing_deg))
     if len(kept) == 0:
-        empty = np.zeros((2, columns), np.int16)
+        empty = np.zeros((columns, 2), np.int16)
         return Chart(empty, 1.0, 0.0, float(usual), ground_below(xyz[:0]), 0)
 
     column, fine = np.zeros(len(xyz), np.int64), np.zeros(len(xyz), np.int64)
@@ -282,7 +283,7 @@ def chart_of(points_velo: FloatArray, sensor: Sensor) -> Chart:
     image = np.zeros((columns, rows), np.float32)
     _draw(rho, slope, order, start, gaps, slope_from, step, image)
     unit_m = float(rho[order].max()) / _MOST_UNITS
-    cells = np.empty((rows, columns), np.int16)
+    cells = np.empty((columns, rows), np.int16)
     _store(image, round(ROWS_PER_BEAM), 1.0 / unit_m, cells)
     ground_m = ground_below(xyz[kept])
     return Chart(cells, unit_m, float(slope_from), float(step), ground_m, len(kept))

@@ -1,6 +1,11 @@
 """The fast engine: marks along many sight lines, judged against the charts of the nearest scans.
 
 `intervis.sight.oracle` does the same slowly and plainly; the definition is in `evidence`.
+
+The marks of a few lines at a time go through short passes over small arrays. A pass either
+reckons, without branch or look-up, so that the compiler works on eight marks at once; or it looks
+up, and does little else. One pass that does both takes twice as long. Lines are rounded up to
+full eights of marks; the surplus is never counted.
 """
 
 from typing import NamedTuple
@@ -15,7 +20,6 @@ from intervis.sight.evidence import MODEL, NOISE, Model
 from intervis.sight.ground import CELL_M, CELLS
 
 Int16Array = NDArray[np.int16]
-Int32Array = NDArray[np.int32]
 
 CARRIED = 0.1
 """Between two rows the surface is interpolated where rho differs by less than this share."""
@@ -23,19 +27,29 @@ NEAR_M = 0.5
 """Scans whose distances to a line's ends differ by less than this are ranked newest first."""
 MOST_MARKS = 2048
 """Longer lines get longer pieces."""
+EIGHT = 8
+"""Marks of a line are rounded up to a multiple of this."""
+BLOCK_MARKS, BLOCK_LINES = 512, 64
+"""Lines are taken together until they have so many marks, or are so many: within fast memory."""
 
-
-# Rows of what the scans say about the marks of a line: summed log-odds, least gap before a seen
-# surface, least distance from one that is met, which scan saw that one;
-# and the height above the ground that the nearest scan saw.
-ODDS, GAP, DEPTH, SCAN, HEIGHT = range(5)
-RHO, SHARE = range(2)
+# Rows of a block's numbers about its marks. What one scan shows of them: horizontal range, the
+# lower of two cells of its chart, its value and the upper one's, the place between the two (-1
+# off the chart), an entry of the table of odds. What all scans say: summed log-odds, least gap
+# before a seen surface and least distance from one that is met (inf with none), the scan that met
+# it. Above the nearest scan's ground: the height, and an entry of the ground or of a table.
+RHO, CELL, LOW, HIGH, SHARE, ENTRY, ODDS, GAP, NEAR, SCAN, HEIGHT, PLACE = range(12)
+# The same rows, once the odds are known: the exponent's parts by what was seen there, marks that
+# no scan saw, clearance of open space.
+SEEN, OPEN, HIDDEN, UNSEEN, CLEAR = ODDS, RHO, SHARE, LOW, HIGH
+# Columns of a block's numbers about its lines: share of the line at its first mark and from one
+# mark to the next, a piece's length.
+FIRST, STEP, PIECE = range(3)
 
 
 class Memory(NamedTuple):
     """Charts of S scans, oldest first, laid out for kernels.
 
-    `cells` holds each scan's chart, row after row, from `offset` on; `sensor_from_scene` is
+    `cells` holds each scan's chart, column after column, from `offset` on; `sensor_from_scene` is
     (S, 3, 4); `position` (S, 3) are the sensors' places in the scene; `ground` is (S, G, G).
     """
 
@@ -86,9 +100,9 @@ def surface_at(memory: Memory, k: int, x: float, y: float, z: float, rho: float)
     r = int(f)
     f -= r
     c = min(int(turn_of(x, y) * (columns / TURN)), columns - 1)
-    at = memory.offset[k] + r * columns + c
+    at = memory.offset[k] + c * rows + r
     low = float(memory.cells[at])
-    high = float(memory.cells[at + columns])
+    high = float(memory.cells[at + 1])
     near = high if f >= 0.5 else low
     surface = abs(near)
     if near != 0.0 and abs(abs(low) - abs(high)) < CARRIED * min(abs(low), abs(high)):
@@ -96,10 +110,50 @@ def surface_at(memory: Memory, k: int, x: float, y: float, z: float, rho: float)
     return float(surface * memory.unit_m[k] if near > 0.0 else -surface * memory.unit_m[k])
 
 
+class Block(NamedTuple):
+    """The working memory of one thread: a few lines that are judged together.
+
+    `marks` (12, W) and `lines` (B, 3): see the names of their rows and columns above. `span`
+    (B, 3): each line's first mark, the mark after its last one, and the same rounded up;
+    `chosen` (B, K): the scans with a say, nearest first. `start`, `along` (B, 3): the line in the
+    frame of the sensor whose scan has the word.
+    """
+
+    marks: Float64Array
+    lines: Float64Array
+    span: IntArray
+    chosen: IntArray
+    start: Float64Array
+    along: Float64Array
+
+
 @kernel
-def _nearest_scans(
+def _within(value: float, most: float) -> float:
+    """A value from 0 to `most`; 0 for what is no number."""
+    value = value if value > 0.0 else 0.0
+    return value if value < most else most
+
+
+@kernel
+def new_block(memory: Memory, model: Model) -> Block:
+    """Working memory for lines through a memory under a model."""
+    scans = min(len(memory.offset), model.weights.shape[1])
+    # rows that start a multiple of 4096 bytes apart would drive each other out of fast memory
+    width = BLOCK_MARKS + MOST_MARKS + 3 * EIGHT
+    return Block(
+        np.empty((12, width)),
+        np.empty((BLOCK_LINES, 3)),
+        np.empty((BLOCK_LINES, 3), np.int64),
+        np.empty((BLOCK_LINES, scans), np.int64),
+        np.empty((BLOCK_LINES, 3)),
+        np.empty((BLOCK_LINES, 3)),
+    )
+
+
+@kernel
+def _choose_scans(
     memory: Memory, a: Float64Array, b: Float64Array, chosen: IntArray, rank: Float64Array
-) -> int:
+) -> None:
     """The scans with a say about one line, nearest first, newest first among equals."""
     count = 0
     for k in range(len(memory.offset) - 1, -1, -1):
@@ -120,164 +174,276 @@ def _nearest_scans(
             at -= 1
         rank[at] = away
         chosen[at] = k
+
+
+@kernel
+def _lay_out(
+    memory: Memory,
+    first: Float64Array,
+    second: Float64Array,
+    begin: int,
+    stop: int,
+    model: Model,
+    block: Block,
+) -> int:
+    """Lay out the marks of the lines from `begin` on; how many lines find room."""
+    rank = np.empty(block.chosen.shape[1])
+    at = 0
+    count = 0
+    while count < min(BLOCK_LINES, stop - begin) and at < BLOCK_MARKS:
+        a, b = first[begin + count], second[begin + count]
+        length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+        pieces = int(min(max(np.ceil(length / model.mark_m), 1.0), float(MOST_MARKS)))
+        piece = length / pieces
+        # Marks up to end_m from the ends: the first kept one is the first beyond it.
+        skipped = (pieces + 1) // 2
+        if length > 2.0 * model.end_m:
+            skipped = min(int(np.floor(model.end_m / piece + 0.5)), skipped)
+        marks = max(pieces - 2 * skipped, 0)
+        line, span = block.lines[count], block.span[count]
+        line[FIRST], line[STEP], line[PIECE] = skipped + 0.5, 1.0 / pieces, piece
+        span[0], span[1], span[2] = at, at + marks, at + (marks + EIGHT - 1) // EIGHT * EIGHT
+        _choose_scans(memory, a, b, block.chosen[count], rank)
+        at = span[2]
+        count += 1
     return count
 
 
 @kernel
-def _aim(
-    memory: Memory,
-    k: int,
-    start: Float64Array,
-    along: Float64Array,
-    marks: int,
-    skipped: int,
-    aim: Float64Array,
-    cell: Int32Array,
+def to_sensor(
+    g: Float64Array, a: Float64Array, b: Float64Array, start: Float64Array, along: Float64Array
 ) -> None:
-    """Each mark's rho, lower cell in scan k's chart (-1: off the chart), share of the next row.
-
-    Free of branches and of look-ups, so that the compiler can work on several marks at once.
-    """
-    u0, v0, w0 = start[0], start[1], start[2]
-    du, dv, dw = along[0], along[1], along[2]
-    slope_from, rows_per_slope = memory.slope_from[k], memory.rows_per_slope[k]
-    columns = memory.columns[k]
-    columns_per_turn = columns / TURN
-    last_row, last_column = memory.rows[k] - 1.0, columns - 1.0
-    for m in range(marks - 2 * skipped):
-        s = (m + skipped + 0.5) / marks
-        u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
-        rho = np.sqrt(u * u + v * v)
-        f = (w / rho - slope_from) * rows_per_slope
-        on_chart = (f >= 0.0) & (f < last_row)
-        f = f if on_chart else 0.0
-        row = np.floor(f)
-        column = np.floor(min(turn_of(u, v) * columns_per_turn, last_column))
-        aim[RHO, m] = rho
-        aim[SHARE, m] = f - row
-        cell[m] = np.int32(row * columns + column) if on_chart else np.int32(-1)
-
-
-@kernel
-def _say_of_scan(
-    memory: Memory,
-    k: int,
-    a: Float64Array,
-    b: Float64Array,
-    marks: int,
-    skipped: int,
-    nearest: bool,
-    weight: float,
-    model: Model,
-    say: Float64Array,
-    aim: Float64Array,
-    cell: Int32Array,
-) -> None:
-    """Add one scan's say to the marks of one line; rows of `say` are named below."""
-    g = memory.sensor_from_scene[k]
-    start = np.empty(3)
-    along = np.empty(3)
+    """A line's first end, and the way from there to the second one, in a sensor's frame."""
+    x, y, z = a[0], a[1], a[2]
+    dx, dy, dz = b[0] - x, b[1] - y, b[2] - z
     for axis in range(3):
-        start[axis] = g[axis, 0] * a[0] + g[axis, 1] * a[1] + g[axis, 2] * a[2] + g[axis, 3]
-        along[axis] = (
-            g[axis, 0] * (b[0] - a[0]) + g[axis, 1] * (b[1] - a[1]) + g[axis, 2] * (b[2] - a[2])
-        )
-    count = marks - 2 * skipped
-    _aim(memory, k, start, along, marks, skipped, aim, cell)
-    unit_m, columns, offset = memory.unit_m[k], memory.columns[k], memory.offset[k]
-    cells = memory.cells[offset : offset + columns * memory.rows[k]]
-    last_entry = len(model.solid) - 1.0
-    for m in range(count):
-        at = cell[m]
-        if at < 0:
-            continue
-        f, rho = aim[SHARE, m], aim[RHO, m]
-        low, high = float(cells[at]), float(cells[at + columns])
-        near = high if f >= 0.5 else low
-        if near == 0.0:
-            continue
-        below, above = abs(low), abs(high)
-        mixed = below + (above - below) * f
-        surface = mixed if abs(below - above) < CARRIED * min(below, above) else abs(near)
-        depth = rho - surface * unit_m
-        entry = int(min(max((depth - model.depth_from_m) * model.per_m, 0.0), last_entry))
-        say[ODDS, m] += weight * (model.solid[entry] if near > 0.0 else model.scatter[entry])
-        if depth < model.surface_from_m:
-            say[GAP, m] = min(say[GAP, m], -depth)
-        elif depth <= model.surface_to_m and abs(depth) < say[DEPTH, m]:
-            say[DEPTH, m] = abs(depth)
-            say[SCAN, m] = k
-    if nearest:
-        ground = memory.ground[k]
-        half = 0.5 * CELLS * CELL_M
-        for m in range(count):
-            s = (m + skipped + 0.5) / marks
-            p = (start[0] + s * along[0] + half) / CELL_M
-            q = (start[1] + s * along[1] + half) / CELL_M
-            p = min(max(p, 0.0), CELLS - 1.0)
-            q = min(max(q, 0.0), CELLS - 1.0)
-            say[HEIGHT, m] = start[2] + s * along[2] - ground[int(p), int(q)]
+        start[axis] = g[axis, 0] * x + g[axis, 1] * y + g[axis, 2] * z + g[axis, 3]
+        along[axis] = g[axis, 0] * dx + g[axis, 1] * dy + g[axis, 2] * dz
 
 
 @kernel
-def _judge_lines(
+def _turn_to_scan(
+    memory: Memory,
+    n: int,
+    first: Float64Array,
+    second: Float64Array,
+    begin: int,
+    count: int,
+    block: Block,
+) -> None:
+    """Each line in the frame of the n-th of its scans."""
+    for i in range(count):
+        g = memory.sensor_from_scene[block.chosen[i, n]]
+        to_sensor(g, first[begin + i], second[begin + i], block.start[i], block.along[i])
+
+
+@kernel
+def _aim(memory: Memory, n: int, count: int, block: Block) -> None:
+    """Each mark's rho, lower cell in the n-th scan's chart, and share of the next row."""
+    marks = block.marks
+    for i in range(count):
+        k = block.chosen[i, n]
+        begin, end = block.span[i, 0], block.span[i, 2]
+        rho_of, cell, share = marks[RHO, begin:end], marks[CELL, begin:end], marks[SHARE, begin:end]
+        u0, v0, w0 = block.start[i, 0], block.start[i, 1], block.start[i, 2]
+        du, dv, dw = block.along[i, 0], block.along[i, 1], block.along[i, 2]
+        first, step = block.lines[i, FIRST], block.lines[i, STEP]
+        slope_from, rows_per_slope = memory.slope_from[k], memory.rows_per_slope[k]
+        columns, rows = float(memory.columns[k]), float(memory.rows[k])
+        columns_per_turn, offset = columns / TURN, float(memory.offset[k])
+        for m in range(end - begin):
+            s = (m + first) * step
+            u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
+            rho = np.sqrt(u * u + v * v)
+            f = (w / rho - slope_from) * rows_per_slope
+            on_chart = (f >= 0.0) & (f < rows - 1.0)
+            f = f if on_chart else 0.0
+            row = np.floor(f)
+            column = np.floor(_within(turn_of(u, v) * columns_per_turn, columns - 1.0))
+            rho_of[m] = rho
+            share[m] = f - row if on_chart else -1.0
+            cell[m] = offset + column * rows + row
+
+
+@kernel
+def _look(memory: Memory, marks: Float64Array, count: int) -> None:
+    """The charts' values at the marks: the lower and the upper one of two rows."""
+    cells = memory.cells
+    cell, low, high = marks[CELL], marks[LOW], marks[HIGH]
+    for m in range(count):
+        at = int(cell[m])
+        low[m] = cells[at]
+        high[m] = cells[at + 1]
+
+
+@kernel
+def _measure(memory: Memory, n: int, count: int, block: Block, model: Model) -> None:
+    """How deep the marks lie behind the n-th scan's surface, and what that makes of them."""
+    depth_from_m, per_m = model.depth_from_m, model.per_m
+    surface_from_m, surface_to_m = model.surface_from_m, model.surface_to_m
+    entries = float(len(model.solid))
+    marks = block.marks
+    for i in range(count):
+        k = block.chosen[i, n]
+        unit_m, scan = memory.unit_m[k], float(k)
+        begin, end = block.span[i, 0], block.span[i, 2]
+        rho_of, share = marks[RHO, begin:end], marks[SHARE, begin:end]
+        lows, highs = marks[LOW, begin:end], marks[HIGH, begin:end]
+        entry_of, scan_of = marks[ENTRY, begin:end], marks[SCAN, begin:end]
+        gap_of, near_of = marks[GAP, begin:end], marks[NEAR, begin:end]
+        for m in range(end - begin):
+            f, low, high = share[m], lows[m], highs[m]
+            value = high if f >= 0.5 else low
+            known = (value != 0.0) & (f >= 0.0)
+            below, above = abs(low), abs(high)
+            mixed = below + (above - below) * f
+            surface = mixed if abs(below - above) < CARRIED * min(below, above) else abs(value)
+            depth = rho_of[m] - surface * unit_m
+            entry = np.floor(_within((depth - depth_from_m) * per_m, entries - 1.0))
+            entry += entries if value > 0.0 else 0.0
+            entry_of[m] = entry if known else 2.0 * entries
+            met = known & (depth >= surface_from_m) & (depth <= surface_to_m)
+            gap = -depth if known & (depth < surface_from_m) else np.inf
+            near = abs(depth) if met else np.inf
+            # read whether used or not: a load on a condition is four times as slow as the rest
+            before, scan_before = near_of[m], scan_of[m]
+            gap_of[m] = min(gap_of[m], gap)
+            near_of[m] = min(before, near)
+            scan_of[m] = scan if near < before else scan_before
+
+
+@kernel
+def _weigh(marks: Float64Array, count: int, odds_table: Float64Array, weight: float) -> None:
+    """Add what the scans say to the odds of the marks."""
+    odds, entry = marks[ODDS], marks[ENTRY]
+    for m in range(count):
+        odds[m] += weight * odds_table[int(entry[m])]
+
+
+@kernel
+def _raise_above_ground(memory: Memory, count: int, block: Block) -> None:
+    """Heights of the marks above the ground that the nearest scan saw."""
+    per_m, half = 1.0 / CELL_M, 0.5 * CELLS * CELL_M
+    for i in range(count):
+        u0, v0, w0 = block.start[i, 0] + half, block.start[i, 1] + half, block.start[i, 2]
+        du, dv, dw = block.along[i, 0], block.along[i, 1], block.along[i, 2]
+        first, step = block.lines[i, FIRST], block.lines[i, STEP]
+        before = float(block.chosen[i, 0] * CELLS)
+        begin, end = block.span[i, 0], block.span[i, 2]
+        place, height = block.marks[PLACE, begin:end], block.marks[HEIGHT, begin:end]
+        for m in range(end - begin):
+            s = (m + first) * step
+            p = np.floor(_within((u0 + s * du) * per_m, CELLS - 1.0))
+            q = np.floor(_within((v0 + s * dv) * per_m, CELLS - 1.0))
+            place[m] = (before + p) * CELLS + q
+            height[m] = w0 + s * dw
+    ground = memory.ground.reshape(-1)
+    place, height = block.marks[PLACE], block.marks[HEIGHT]
+    for m in range(block.span[count - 1, 2]):
+        height[m] -= ground[int(place[m])]
+
+
+@kernel
+def _fill(marks: Float64Array, count: int, model: Model) -> None:
+    """Turn the odds that each mark is filled into the probability."""
+    heights, shares = model.heights, model.shares
+    height_from_m, per_m = model.height_from_m, model.per_m
+    share_from, shares_per_odds = model.share_from, model.shares_per_odds
+    last_height, last_share = len(heights) - 1.0, len(shares) - 1.0
+    odds, height, place = marks[ODDS], marks[HEIGHT], marks[PLACE]
+    for m in range(count):
+        place[m] = _within((height[m] - height_from_m) * per_m, last_height)
+    for m in range(count):
+        entry = (odds[m] + heights[int(place[m])] - share_from) * shares_per_odds
+        odds[m] = shares[int(_within(entry, last_share))]
+
+
+@kernel
+def _sort_out(marks: Float64Array, count: int) -> None:
+    """Split the probabilities of the marks by what was seen there."""
+    gap, near, height = marks[GAP], marks[NEAR], marks[HEIGHT]
+    seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
+    unseen, clear = marks[UNSEEN], marks[CLEAR]
+    for m in range(count):
+        met = near[m] < np.inf
+        crossed = gap[m] < np.inf
+        share = seen[m]
+        above = min(gap[m], height[m])
+        seen[m] = share if met else 0.0
+        free[m] = share if crossed & (not met) else 0.0
+        hidden[m] = 0.0 if crossed | met else share
+        unseen[m] = 0.0 if crossed | met else 1.0
+        clear[m] = above if crossed & (not met) else np.inf
+
+
+@kernel
+def _add_up(count: int, block: Block, rate_per_m: float, at: int, found: Findings) -> None:
+    """The findings on a block's lines, whose marks are sorted out; the first is line `at`."""
+    marks = block.marks
+    seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
+    unseen, clear, scan = marks[UNSEEN], marks[CLEAR], marks[SCAN]
+    for i in range(count):
+        begin, end, piece = block.span[i, 0], block.span[i, 1], block.lines[i, PIECE]
+        in_seen, in_open, in_hidden, marks_unseen, least = 0.0, 0.0, 0.0, 0.0, np.inf
+        for m in range(begin, end):
+            in_seen += seen[m]
+            in_open += free[m]
+            in_hidden += hidden[m]
+            marks_unseen += unseen[m]
+            least = min(least, clear[m])
+        worst, worst_at, worst_scan = 0.0, 0.0, -1.0
+        if in_seen > 0.0:
+            for m in range(begin, end):
+                if seen[m] > worst:
+                    worst, worst_scan = seen[m], scan[m]
+                    worst_at = m - begin + block.lines[i, FIRST]
+        found.seen[at + i] = in_seen * rate_per_m * piece
+        found.open[at + i] = in_open * rate_per_m * piece
+        found.hidden[at + i] = in_hidden * rate_per_m * piece
+        found.unknown_m[at + i] = marks_unseen * piece
+        found.clearance_m[at + i] = max(least, 0.0)
+        found.worst_m[at + i] = worst_at * piece
+        found.worst_scan[at + i] = int(worst_scan)
+
+
+@kernel
+def judge_part(
     memory: Memory,
     first: Float64Array,
     second: Float64Array,
     model: Model,
+    odds_table: Float64Array,
+    block: Block,
     start: int,
     stop: int,
     found: Findings,
 ) -> None:
-    chosen = np.empty(model.weights.shape[1], np.int64)
-    rank = np.empty(model.weights.shape[1])
-    say = np.empty((5, MOST_MARKS))
-    aim = np.empty((2, MOST_MARKS))
-    cell = np.empty(MOST_MARKS, np.int32)
-    for i in range(start, stop):
-        a, b = first[i], second[i]
-        length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
-        marks = int(min(max(np.ceil(length / model.mark_m), 1.0), float(MOST_MARKS)))
-        piece = length / marks
-        # Marks up to end_m from the ends: the first kept one is the first beyond it.
-        skipped = (marks + 1) // 2
-        if length > 2.0 * model.end_m:
-            skipped = min(int(np.floor(model.end_m / piece + 0.5)), skipped)
-        say[ODDS, :marks] = 0.0
-        say[GAP, :marks] = np.inf
-        say[DEPTH, :marks] = np.inf
-        count = _nearest_scans(memory, a, b, chosen, rank)
-        for n in range(count):
-            weight = model.weights[count - 1, n]
-            _say_of_scan(
-                memory, chosen[n], a, b, marks, skipped, n == 0, weight, model, say, aim, cell
-            )
-        free, seen, hidden, unknown, clearance = 0.0, 0.0, 0.0, 0.0, np.inf
-        worst, worst_at, worst_scan = 0.0, 0.0, -1
-        for m in range(marks - 2 * skipped):
-            entry = (say[HEIGHT, m] - model.height_from_m) * model.per_m
-            odds = say[ODDS, m] + model.heights[int(min(max(entry, 0.0), len(model.heights) - 1.0))]
-            entry = (odds - model.share_from) * model.shares_per_odds
-            share = model.shares[int(min(max(entry, 0.0), len(model.shares) - 1.0))]
-            filled = model.rate_per_m * piece * share
-            if say[DEPTH, m] < np.inf:
-                seen += filled
-                if filled > worst:
-                    worst, worst_scan = filled, int(say[SCAN, m])
-                    worst_at = (m + skipped + 0.5) * piece
-            elif say[GAP, m] < np.inf:
-                free += filled
-                clearance = min(clearance, max(min(say[GAP, m], say[HEIGHT, m]), 0.0))
-            else:
-                hidden += filled
-                unknown += piece
-        found.open[i] = free
-        found.seen[i] = seen
-        found.hidden[i] = hidden
-        found.unknown_m[i] = unknown
-        found.clearance_m[i] = clearance
-        found.worst_m[i] = worst_at
-        found.worst_scan[i] = worst_scan
+    """Findings on the lines from `start` to `stop`; see `judge_lines`."""
+    scans = block.chosen.shape[1]
+    at = start
+    while at < stop:
+        lines = _lay_out(memory, first, second, at, stop, model, block)
+        marks = block.span[lines - 1, 2]
+        block.marks[ODDS, :marks] = 0.0
+        block.marks[GAP, :marks] = np.inf
+        block.marks[NEAR, :marks] = np.inf
+        for n in range(scans):
+            _turn_to_scan(memory, n, first, second, at, lines, block)
+            _aim(memory, n, lines, block)
+            _look(memory, block.marks, marks)
+            _measure(memory, n, lines, block, model)
+            _weigh(block.marks, marks, odds_table, model.weights[scans - 1, n])
+            if n == 0:
+                _raise_above_ground(memory, lines, block)
+        _fill(block.marks, marks, model)
+        _sort_out(block.marks, marks)
+        _add_up(lines, block, model.rate_per_m, at, found)
+        at += lines
+
+
+def odds_table_of(model: Model) -> Float64Array:
+    """Odds of scattered surfaces, then of solid ones, then 0: of what no scan saw."""
+    return np.concatenate([model.scatter, model.solid, [0.0]])
 
 
 def judge_lines(
@@ -287,19 +453,13 @@ def judge_lines(
 
     The caller orders the two ends, so that a line and its reverse are the same line here.
     """
-    count = len(first)
-    found = Findings(
-        open=np.empty(count),
-        seen=np.empty(count),
-        hidden=np.empty(count),
-        unknown_m=np.empty(count),
-        clearance_m=np.empty(count),
-        worst_m=np.empty(count),
-        worst_scan=np.empty(count, np.int64),
-    )
+    count, table = len(first), odds_table_of(model)
+    a, b, c, d, e, f = np.empty((6, count))
+    found = Findings(a, b, c, d, e, f, np.empty(count, np.int64))
 
     def work(start: int, stop: int) -> None:
-        _judge_lines(memory, first, second, model, start, stop, found)
+        block = new_block(memory, model)
+        judge_part(memory, first, second, model, table, block, start, stop, found)
 
     in_parts(work, count, least=512)
     return found

@@ -110,7 +110,7 @@ def _depth_behind_surface(
     """How far points lie behind scan k's surface, whether that is solid, whether there is one."""
     rows, columns = int(memory.rows[k]), int(memory.columns[k])
     start = int(memory.offset[k])
-    image = memory.cells[start : start + rows * columns].reshape(rows, columns)
+    image = memory.cells[start : start + rows * columns].reshape(columns, rows)
     rho = np.hypot(points[:, 0], points[:, 1])
     with np.errstate(divide="ignore", invalid="ignore"):
         place = (points[:, 2] / rho - memory.slope_from[k]) * memory.rows_per_slope[k]
@@ -120,7 +120,7 @@ def _depth_behind_surface(
     share = place - row
     column = np.minimum((_turn(points) * (columns / 8.0)).astype(int), columns - 1)
 
-    low, high = image[row, column], image[row + 1, column]
+    low, high = image[column, row], image[column, row + 1]
     nearer = np.where(share >= 0.5, high, low)
     a, b = np.abs(low).astype(np.float64), np.abs(high).astype(np.float64)
     one_surface = (a > 0) & (b > 0) & (np.abs(a - b) < CARRIED * np.minimum(a, b))

@@ -16,25 +16,15 @@ from intervis.arrays import (
     finite_rows,
 )
 from intervis.errors import PointsError, SceneError, SettingsError
+from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE, answer_lines
 from intervis.sight.chart import chart_of
 from intervis.sight.engine import Memory, judge_lines
-from intervis.sight.evidence import (
-    END_M,
-    OCCLUDED_SEEN,
-    UNKNOWN_M,
-    UNKNOWN_SHARE,
-    VISIBLE_FROM,
-    VISIBLE_HIDDEN,
-    VISIBLE_SEEN,
-)
-from intervis.sight.meeting import meet_surfaces
+from intervis.sight.evidence import VISIBLE_FROM
 from intervis.sight.memory import ScanMemory
 from intervis.sight.sensor import Sensor, sensor_named, sensor_of_scan
 from intervis.transform import checked_pose
 
-VISIBLE, OCCLUDED, UNKNOWN = 1, 0, -1
-LINES_AT_ONCE = 1 << 17
-"""Lines are judged in chunks of so many: about 15 MB of working memory each."""
+__all__ = ["OCCLUDED", "UNKNOWN", "VISIBLE", "Scene", "Sight"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,18 +173,22 @@ class Scene:
         """
         if not 0.0 <= visible_from <= 1.0:
             raise SettingsError(f"visible_from is a probability, got {visible_from}.")
-        from_points = _viewpoints(viewpoint)
-        to_points = _targets(targets)
-        shape = (len(from_points), len(to_points))
-        answer = _unknown(shape)
-        memory = self._packed()
-        for row, start in enumerate(from_points):
-            for low in range(0, shape[1], LINES_AT_ONCE):
-                part = slice(low, low + LINES_AT_ONCE)
-                ends = to_points[part]
-                starts = np.broadcast_to(start, ends.shape)
-                _answer(memory, starts, ends, max_range_m, visible_from, answer, (row, part))
-        return answer if np.ndim(viewpoint) == 2 else _row(answer)
+        from_points, to_points = _viewpoints(viewpoint), _targets(targets)
+        found = answer_lines(
+            self._packed(),
+            from_points,
+            to_points,
+            paired=False,
+            max_range_m=max_range_m,
+            visible_from=visible_from,
+        )
+        shape = (len(from_points), len(to_points)) if np.ndim(viewpoint) == 2 else (-1,)
+        return Sight(
+            found.state.reshape(shape),
+            found.probability.reshape(shape),
+            found.blocker.reshape((*shape, 3)),
+            found.clearance.reshape(shape),
+        )
 
     def sight_lines(self, starts: ArrayLike, ends: ArrayLike) -> Sight:
         """Sight lines given by their two ends, (L, 3) each, scene frame; a Sight of shape (L,).
@@ -213,14 +207,7 @@ class Scene:
                 f"each line needs two ends, got {len(from_points)} starts and"
                 f" {len(to_points)} ends."
             )
-        answer = _unknown((1, len(to_points)))
-        memory = self._packed()
-        for low in range(0, len(to_points), LINES_AT_ONCE):
-            part = slice(low, low + LINES_AT_ONCE)
-            _answer(
-                memory, from_points[part], to_points[part], None, VISIBLE_FROM, answer, (0, part)
-            )
-        return _row(answer)
+        return Sight(*answer_lines(self._packed(), from_points, to_points, paired=True))
 
     def sight_within(
         self, viewpoints: ArrayLike, targets: ArrayLike, max_range_m: float
@@ -275,20 +262,8 @@ def _targets(points: ArrayLike, name: str = "targets") -> Float64Array:
         return np.empty((0, 3))
     if array.dtype.kind in "iu":
         array = array.astype(np.float64)
-    return np.ascontiguousarray(checked_points(array, name), dtype=np.float64)
-
-
-def _unknown(shape: tuple[int, int]) -> Sight:
-    return Sight(
-        np.full(shape, UNKNOWN, np.int8),
-        np.full(shape, np.nan),
-        np.full((*shape, 3), np.nan),
-        np.full(shape, np.nan),
-    )
-
-
-def _row(sight: Sight) -> Sight:
-    return Sight(sight.state[0], sight.probability[0], sight.blocker[0], sight.clearance[0])
+    # kernels are compiled for arrays that can be written to: one that cannot is copied
+    return np.require(checked_points(array, name), np.float64, ["C", "W"])
 
 
 def _ordered(a: FloatArray, b: FloatArray) -> tuple[Float64Array, Float64Array]:
@@ -303,48 +278,3 @@ def _ordered(a: FloatArray, b: FloatArray) -> tuple[Float64Array, Float64Array]:
     swap |= level & (a[:, 2] > b[:, 2])
     swap = swap[:, None]
     return np.where(swap, b, a), np.where(swap, a, b)
-
-
-def _answer(
-    memory: Memory,
-    starts: FloatArray,
-    ends: FloatArray,
-    max_range_m: float | None,
-    visible_from: float,
-    answer: Sight,
-    where: tuple[int, slice],
-) -> None:
-    """Judge the lines that can be judged, and write them into their part of the answer."""
-    able = np.isfinite(starts).all(axis=1) & np.isfinite(ends).all(axis=1)
-    if max_range_m is not None:
-        able &= np.linalg.norm(ends - starts, axis=1) <= max_range_m
-    chosen = np.flatnonzero(able)
-    if len(chosen) == 0:
-        return
-    first, second = _ordered(starts[chosen], ends[chosen])
-    found = judge_lines(memory, first, second)
-    probability = np.exp(-found.exponent)
-    judged_m = np.maximum(np.linalg.norm(second - first, axis=1) - 2.0 * END_M, 0.0)
-    state = np.full(len(chosen), UNKNOWN, np.int8)
-    state[
-        (probability >= visible_from)
-        & (found.seen < VISIBLE_SEEN)
-        & (found.hidden < VISIBLE_HIDDEN)
-        & (found.unknown_m <= np.minimum(UNKNOWN_M, UNKNOWN_SHARE * judged_m))
-    ] = VISIBLE
-    blocked = found.seen > OCCLUDED_SEEN
-    state[blocked] = OCCLUDED
-
-    blocker = np.full((len(chosen), 3), np.nan)
-    clearance = found.clearance_m
-    at = np.flatnonzero(blocked)
-    meeting, miss_m = meet_surfaces(
-        memory, first[at], second[at], found.worst_m[at], found.worst_scan[at]
-    )
-    blocker[at] = meeting
-    clearance[at] = -miss_m
-    row, part = where
-    answer.state[row, part][chosen] = state
-    answer.probability[row, part][chosen] = probability
-    answer.blocker[row, part][chosen] = blocker
-    answer.clearance[row, part][chosen] = clearance

@@ -1,0 +1,198 @@
+"""Answers for many sight lines: the rules of `evidence` applied to what the engine finds."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.arrays import Float64Array
+from intervis.kernels import in_parts, kernel
+from intervis.sight import evidence
+from intervis.sight.engine import (
+    Findings,
+    Memory,
+    judge_part,
+    new_block,
+    odds_table_of,
+)
+from intervis.sight.evidence import MODEL, Model
+from intervis.sight.meeting import meet_surface, new_sketch
+
+VISIBLE, OCCLUDED, UNKNOWN = 1, 0, -1
+_AT_ONCE = 256
+
+
+class Rules(NamedTuple):
+    """When a line is called what, and which lines are judged: see `evidence`."""
+
+    visible_from: float
+    visible_seen: float
+    visible_hidden: float
+    occluded_seen: float
+    unknown_m: float
+    unknown_share: float
+    end_m: float
+    noise: float
+    max_range_m: float
+
+
+class Answers(NamedTuple):
+    """State, probability, blocker and clearance of L lines, as in `intervis.sight.Sight`."""
+
+    state: NDArray[np.int8]
+    probability: Float64Array
+    blocker: Float64Array
+    clearance: Float64Array
+
+
+@kernel
+def _is_able(a: Float64Array, b: Float64Array, max_range_m: float) -> bool:
+    """Whether a line can be judged: its length is a number, and no greater than asked for."""
+    length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+    return bool(np.isfinite(length) and length <= max_range_m)
+
+
+@kernel
+def _put_in_order(
+    a: Float64Array, b: Float64Array, first: Float64Array, second: Float64Array
+) -> None:
+    """The two ends of a line, the lexicographically smaller one first.
+
+    The engine never knows which end is the viewpoint: that is what makes answers reciprocal.
+    """
+    swap = False
+    for axis in range(3):
+        if a[axis] != b[axis]:
+            swap = a[axis] > b[axis]
+            break
+    for axis in range(3):
+        first[axis] = b[axis] if swap else a[axis]
+        second[axis] = a[axis] if swap else b[axis]
+
+
+@kernel
+def _state_of(found: Findings, i: int, probability: float, length: float, rules: Rules) -> int:
+    """What a line is called."""
+    if found.seen[i] > rules.occluded_seen:
+        return 0
+    judged_m = max(length - 2.0 * rules.end_m, 0.0)
+    if (
+        probability >= rules.visible_from
+        and found.seen[i] < rules.visible_seen
+        and found.hidden[i] < rules.visible_hidden
+        and found.unknown_m[i] <= min(rules.unknown_m, rules.unknown_share * judged_m)
+    ):
+        return 1
+    return -1
+
+
+@kernel
+def _answer_part(
+    memory: Memory,
+    starts: Float64Array,
+    ends: Float64Array,
+    paired: bool,
+    model: Model,
+    odds_table: Float64Array,
+    rules: Rules,
+    begin: int,
+    stop: int,
+    answers: Answers,
+) -> None:
+    block, sketch = new_block(memory, model), new_sketch()
+    first, second = np.empty((_AT_ONCE, 3)), np.empty((_AT_ONCE, 3))
+    which = np.empty(_AT_ONCE, np.int64)
+    values = np.empty((6, _AT_ONCE))
+    found = Findings(
+        values[0], values[1], values[2], values[3], values[4], values[5], np.empty_like(which)
+    )
+    at = begin
+    while at < stop:
+        count = 0
+        while at < stop and count < _AT_ONCE:
+            a = starts[at if paired else at // len(ends)]
+            b = ends[at if paired else at % len(ends)]
+            answers.state[at] = -1
+            answers.probability[at] = np.nan
+            answers.clearance[at] = np.nan
+            answers.blocker[at] = np.nan
+            if _is_able(a, b, rules.max_range_m):
+                _put_in_order(a, b, first[count], second[count])
+                which[count] = at
+                count += 1
+            at += 1
+        judge_part(memory, first, second, model, odds_table, block, 0, count, found)
+        for i in range(count):
+            line, a, b = which[i], first[i], second[i]
+            length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+            probability = np.exp(-(rules.noise + found.open[i] + found.seen[i] + found.hidden[i]))
+            state = _state_of(found, i, probability, length, rules)
+            answers.state[line] = state
+            answers.probability[line] = probability
+            answers.clearance[line] = found.clearance_m[i]
+            if state == 0:
+                answers.clearance[line] = -meet_surface(
+                    memory,
+                    found.worst_scan[i],
+                    a,
+                    b,
+                    length,
+                    found.worst_m[i],
+                    sketch,
+                    answers.blocker[line],
+                )
+
+
+def answer_lines(
+    memory: Memory,
+    starts: Float64Array,
+    ends: Float64Array,
+    *,
+    paired: bool,
+    max_range_m: float | None = None,
+    visible_from: float = evidence.VISIBLE_FROM,
+    model: Model = MODEL,
+) -> Answers:
+    """Answers for the lines between points of the scene.
+
+    Parameters
+    ----------
+    memory : Memory
+    starts, ends : (S, 3) and (E, 3) float64 arrays
+        Contiguous; a line with an end that is not finite stays unknown.
+    paired : bool
+        The i-th start with the i-th end, L = S = E lines; otherwise each start with each end,
+        L = S E lines, those of one start one after another.
+    max_range_m : float or None
+        Longer lines stay unknown.
+    visible_from : float
+        Least probability at which a line is called visible.
+    model : Model
+
+    Returns
+    -------
+    Answers
+        Of L lines.
+    """
+    count = len(ends) if paired else len(starts) * len(ends)
+    answers = Answers(
+        np.empty(count, np.int8), np.empty(count), np.empty((count, 3)), np.empty(count)
+    )
+    rules = Rules(
+        visible_from=float(visible_from),
+        visible_seen=evidence.VISIBLE_SEEN,
+        visible_hidden=evidence.VISIBLE_HIDDEN,
+        occluded_seen=evidence.OCCLUDED_SEEN,
+        unknown_m=evidence.UNKNOWN_M,
+        unknown_share=evidence.UNKNOWN_SHARE,
+        end_m=evidence.END_M,
+        noise=evidence.NOISE,
+        max_range_m=np.inf if max_range_m is None else float(max_range_m),
+    )
+    table = odds_table_of(model)
+
+    def work(begin: int, stop: int) -> None:
+        _answer_part(memory, starts, ends, paired, model, table, rules, begin, stop, answers)
+
+    in_parts(work, count, least=512)
+    return answers
