@@ -71,16 +71,23 @@ def _put_in_order(
 
 
 @kernel
-def _state_of(found: Findings, i: int, probability: float, length: float, rules: Rules) -> int:
+def _state_of(
+    probability: float,
+    seen: float,
+    hidden: float,
+    unknown_m: float,
+    length: float,
+    rules: Rules,
+) -> int:
     """What a line is called."""
-    if found.seen[i] > rules.occluded_seen:
+    if seen > rules.occluded_seen:
         return 0
     judged_m = max(length - 2.0 * rules.end_m, 0.0)
     if (
         probability >= rules.visible_from
-        and found.seen[i] < rules.visible_seen
-        and found.hidden[i] < rules.visible_hidden
-        and found.unknown_m[i] <= min(rules.unknown_m, rules.unknown_share * judged_m)
+        and seen < rules.visible_seen
+        and hidden < rules.visible_hidden
+        and unknown_m <= min(rules.unknown_m, rules.unknown_share * judged_m)
     ):
         return 1
     return -1
@@ -125,8 +132,9 @@ def _answer_part(
         for i in range(count):
             line, a, b = which[i], first[i], second[i]
             length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
-            probability = np.exp(-(rules.noise + found.open[i] + found.seen[i] + found.hidden[i]))
-            state = _state_of(found, i, probability, length, rules)
+            seen, hidden = found.seen[i], found.hidden[i]
+            probability = np.exp(-(rules.noise + found.open[i] + seen + hidden))
+            state = _state_of(probability, seen, hidden, found.unknown_m[i], length, rules)
             answers.state[line] = state
             answers.probability[line] = probability
             answers.clearance[line] = found.clearance_m[i]

@@ -42,8 +42,11 @@ RHO, CELL, LOW, HIGH, SHARE, ENTRY, ODDS, GAP, NEAR, SCAN, HEIGHT, PLACE = range
 # no scan saw, clearance of open space.
 SEEN, OPEN, HIDDEN, UNSEEN, CLEAR = ODDS, RHO, SHARE, LOW, HIGH
 # Columns of a block's numbers about its lines: share of the line at its first mark and from one
-# mark to the next, a piece's length.
-FIRST, STEP, PIECE = range(3)
+# mark to the next, a piece's length; in the frame of the sensor whose scan has the word, the
+# line's first end and the way to the second one, each from its column on for three; that scan
+# and its chart.
+FIRST, STEP, PIECE, START, ALONG = 0, 1, 2, 3, 6
+THE_SCAN, UNIT_M, OFFSET, COLUMNS, ROWS, SLOPE_FROM, ROWS_PER_SLOPE = range(9, 16)
 
 
 class Memory(NamedTuple):
@@ -89,42 +92,18 @@ class Findings(NamedTuple):
         return NOISE + self.open + self.seen + self.hidden
 
 
-@kernel
-def surface_at(memory: Memory, k: int, x: float, y: float, z: float, rho: float) -> float:
-    """Signed surface rho of scan k in the direction of (x, y, z), see `chart`; 0 for nothing."""
-    f = (z / rho - memory.slope_from[k]) * memory.rows_per_slope[k]
-    rows = memory.rows[k]
-    if not (0.0 <= f < rows - 1.0):
-        return 0.0
-    columns = memory.columns[k]
-    r = int(f)
-    f -= r
-    c = min(int(turn_of(x, y) * (columns / TURN)), columns - 1)
-    at = memory.offset[k] + c * rows + r
-    low = float(memory.cells[at])
-    high = float(memory.cells[at + 1])
-    near = high if f >= 0.5 else low
-    surface = abs(near)
-    if near != 0.0 and abs(abs(low) - abs(high)) < CARRIED * min(abs(low), abs(high)):
-        surface = abs(low) + (abs(high) - abs(low)) * f
-    return float(surface * memory.unit_m[k] if near > 0.0 else -surface * memory.unit_m[k])
-
-
 class Block(NamedTuple):
     """The working memory of one thread: a few lines that are judged together.
 
-    `marks` (12, W) and `lines` (B, 3): see the names of their rows and columns above. `span`
+    `marks` (12, W) and `lines` (B, 16): see the names of their rows and columns above. `span`
     (B, 3): each line's first mark, the mark after its last one, and the same rounded up;
-    `chosen` (B, K): the scans with a say, nearest first. `start`, `along` (B, 3): the line in the
-    frame of the sensor whose scan has the word.
+    `chosen` (B, K): the scans with a say, nearest first.
     """
 
     marks: Float64Array
     lines: Float64Array
     span: IntArray
     chosen: IntArray
-    start: Float64Array
-    along: Float64Array
 
 
 @kernel
@@ -142,11 +121,9 @@ def new_block(memory: Memory, model: Model) -> Block:
     width = BLOCK_MARKS + MOST_MARKS + 3 * EIGHT
     return Block(
         np.empty((12, width)),
-        np.empty((BLOCK_LINES, 3)),
+        np.empty((BLOCK_LINES, 16)),
         np.empty((BLOCK_LINES, 3), np.int64),
         np.empty((BLOCK_LINES, scans), np.int64),
-        np.empty((BLOCK_LINES, 3)),
-        np.empty((BLOCK_LINES, 3)),
     )
 
 
@@ -231,26 +208,28 @@ def _turn_to_scan(
     count: int,
     block: Block,
 ) -> None:
-    """Each line in the frame of the n-th of its scans."""
+    """Give the n-th scan of each line the word."""
     for i in range(count):
-        g = memory.sensor_from_scene[block.chosen[i, n]]
-        to_sensor(g, first[begin + i], second[begin + i], block.start[i], block.along[i])
+        k, line = block.chosen[i, n], block.lines[i]
+        g, a, b = memory.sensor_from_scene[k], first[begin + i], second[begin + i]
+        to_sensor(g, a, b, line[START : START + 3], line[ALONG : ALONG + 3])
+        line[THE_SCAN], line[UNIT_M], line[OFFSET] = k, memory.unit_m[k], memory.offset[k]
+        line[COLUMNS], line[ROWS] = memory.columns[k], memory.rows[k]
+        line[SLOPE_FROM], line[ROWS_PER_SLOPE] = memory.slope_from[k], memory.rows_per_slope[k]
 
 
 @kernel
-def _aim(memory: Memory, n: int, count: int, block: Block) -> None:
-    """Each mark's rho, lower cell in the n-th scan's chart, and share of the next row."""
-    marks = block.marks
+def _aim(marks: Float64Array, lines: Float64Array, span: IntArray, count: int) -> None:
+    """Each mark's rho, lower cell in its line's chart, and share of the next row."""
     for i in range(count):
-        k = block.chosen[i, n]
-        begin, end = block.span[i, 0], block.span[i, 2]
+        begin, end = span[i, 0], span[i, 2]
         rho_of, cell, share = marks[RHO, begin:end], marks[CELL, begin:end], marks[SHARE, begin:end]
-        u0, v0, w0 = block.start[i, 0], block.start[i, 1], block.start[i, 2]
-        du, dv, dw = block.along[i, 0], block.along[i, 1], block.along[i, 2]
-        first, step = block.lines[i, FIRST], block.lines[i, STEP]
-        slope_from, rows_per_slope = memory.slope_from[k], memory.rows_per_slope[k]
-        columns, rows = float(memory.columns[k]), float(memory.rows[k])
-        columns_per_turn, offset = columns / TURN, float(memory.offset[k])
+        u0, v0, w0 = lines[i, START], lines[i, START + 1], lines[i, START + 2]
+        du, dv, dw = lines[i, ALONG], lines[i, ALONG + 1], lines[i, ALONG + 2]
+        first, step = lines[i, FIRST], lines[i, STEP]
+        slope_from, rows_per_slope = lines[i, SLOPE_FROM], lines[i, ROWS_PER_SLOPE]
+        columns, rows, offset = lines[i, COLUMNS], lines[i, ROWS], lines[i, OFFSET]
+        columns_per_turn = columns / TURN
         for m in range(end - begin):
             s = (m + first) * step
             u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
@@ -266,9 +245,8 @@ def _aim(memory: Memory, n: int, count: int, block: Block) -> None:
 
 
 @kernel
-def _look(memory: Memory, marks: Float64Array, count: int) -> None:
+def _look(cells: Int16Array, marks: Float64Array, count: int) -> None:
     """The charts' values at the marks: the lower and the upper one of two rows."""
-    cells = memory.cells
     cell, low, high = marks[CELL], marks[LOW], marks[HIGH]
     for m in range(count):
         at = int(cell[m])
@@ -277,20 +255,20 @@ def _look(memory: Memory, marks: Float64Array, count: int) -> None:
 
 
 @kernel
-def _measure(memory: Memory, n: int, count: int, block: Block, model: Model) -> None:
-    """How deep the marks lie behind the n-th scan's surface, and what that makes of them."""
+def _measure(
+    marks: Float64Array, lines: Float64Array, span: IntArray, count: int, model: Model
+) -> None:
+    """How deep the marks lie behind the surface that was seen, and what that makes of them."""
     depth_from_m, per_m = model.depth_from_m, model.per_m
     surface_from_m, surface_to_m = model.surface_from_m, model.surface_to_m
     entries = float(len(model.solid))
-    marks = block.marks
     for i in range(count):
-        k = block.chosen[i, n]
-        unit_m, scan = memory.unit_m[k], float(k)
-        begin, end = block.span[i, 0], block.span[i, 2]
+        begin, end = span[i, 0], span[i, 2]
         rho_of, share = marks[RHO, begin:end], marks[SHARE, begin:end]
         lows, highs = marks[LOW, begin:end], marks[HIGH, begin:end]
         entry_of, scan_of = marks[ENTRY, begin:end], marks[SCAN, begin:end]
         gap_of, near_of = marks[GAP, begin:end], marks[NEAR, begin:end]
+        unit_m, scan = lines[i, UNIT_M], lines[i, THE_SCAN]
         for m in range(end - begin):
             f, low, high = share[m], lows[m], highs[m]
             value = high if f >= 0.5 else low
@@ -321,26 +299,28 @@ def _weigh(marks: Float64Array, count: int, odds_table: Float64Array, weight: fl
 
 
 @kernel
-def _raise_above_ground(memory: Memory, count: int, block: Block) -> None:
+def _raise_above_ground(
+    ground: Float32Array, marks: Float64Array, lines: Float64Array, span: IntArray, count: int
+) -> None:
     """Heights of the marks above the ground that the nearest scan saw."""
     per_m, half = 1.0 / CELL_M, 0.5 * CELLS * CELL_M
     for i in range(count):
-        u0, v0, w0 = block.start[i, 0] + half, block.start[i, 1] + half, block.start[i, 2]
-        du, dv, dw = block.along[i, 0], block.along[i, 1], block.along[i, 2]
-        first, step = block.lines[i, FIRST], block.lines[i, STEP]
-        before = float(block.chosen[i, 0] * CELLS)
-        begin, end = block.span[i, 0], block.span[i, 2]
-        place, height = block.marks[PLACE, begin:end], block.marks[HEIGHT, begin:end]
+        begin, end = span[i, 0], span[i, 2]
+        place, height = marks[PLACE, begin:end], marks[HEIGHT, begin:end]
+        u0, v0, w0 = lines[i, START] + half, lines[i, START + 1] + half, lines[i, START + 2]
+        du, dv, dw = lines[i, ALONG], lines[i, ALONG + 1], lines[i, ALONG + 2]
+        first, step = lines[i, FIRST], lines[i, STEP]
+        before = lines[i, THE_SCAN] * CELLS
         for m in range(end - begin):
             s = (m + first) * step
             p = np.floor(_within((u0 + s * du) * per_m, CELLS - 1.0))
             q = np.floor(_within((v0 + s * dv) * per_m, CELLS - 1.0))
             place[m] = (before + p) * CELLS + q
             height[m] = w0 + s * dw
-    ground = memory.ground.reshape(-1)
-    place, height = block.marks[PLACE], block.marks[HEIGHT]
-    for m in range(block.span[count - 1, 2]):
-        height[m] -= ground[int(place[m])]
+    heights = ground.reshape(-1)
+    place, height = marks[PLACE], marks[HEIGHT]
+    for m in range(span[count - 1, 2]):
+        height[m] -= heights[int(place[m])]
 
 
 @kernel
@@ -419,26 +399,27 @@ def judge_part(
     found: Findings,
 ) -> None:
     """Findings on the lines from `start` to `stop`; see `judge_lines`."""
+    marks, lines, span = block.marks, block.lines, block.span
     scans = block.chosen.shape[1]
     at = start
     while at < stop:
-        lines = _lay_out(memory, first, second, at, stop, model, block)
-        marks = block.span[lines - 1, 2]
-        block.marks[ODDS, :marks] = 0.0
-        block.marks[GAP, :marks] = np.inf
-        block.marks[NEAR, :marks] = np.inf
+        count = _lay_out(memory, first, second, at, stop, model, block)
+        in_all = span[count - 1, 2]
+        marks[ODDS, :in_all] = 0.0
+        marks[GAP, :in_all] = np.inf
+        marks[NEAR, :in_all] = np.inf
         for n in range(scans):
-            _turn_to_scan(memory, n, first, second, at, lines, block)
-            _aim(memory, n, lines, block)
-            _look(memory, block.marks, marks)
-            _measure(memory, n, lines, block, model)
-            _weigh(block.marks, marks, odds_table, model.weights[scans - 1, n])
+            _turn_to_scan(memory, n, first, second, at, count, block)
+            _aim(marks, lines, span, count)
+            _look(memory.cells, marks, in_all)
+            _measure(marks, lines, span, count, model)
+            _weigh(marks, in_all, odds_table, model.weights[scans - 1, n])
             if n == 0:
-                _raise_above_ground(memory, lines, block)
-        _fill(block.marks, marks, model)
-        _sort_out(block.marks, marks)
-        _add_up(lines, block, model.rate_per_m, at, found)
-        at += lines
+                _raise_above_ground(memory.ground, marks, lines, span, count)
+        _fill(marks, in_all, model)
+        _sort_out(marks, in_all)
+        _add_up(count, block, model.rate_per_m, at, found)
+        at += count
 
 
 def odds_table_of(model: Model) -> Float64Array:
