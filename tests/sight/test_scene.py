@@ -184,6 +184,11 @@ def test_space_never_scanned_is_unknown(scene):
     assert (scene.sight([200.0, 200, 0], [[205.0, 200, 0], [230, 200, 1]]).state == UNKNOWN).all()
 
 
+def test_targets_at_the_end_of_the_numbers_are_unknown(scene):
+    targets = [[1e308, 1e308, 0.0], [-1e200, 5.0, 1.0], [1e150, -1e150, 1e150], [3e7, 1e7, 2.0]]
+    assert (scene.sight([0.0, 0, 0.5], targets).state == UNKNOWN).all()
+
+
 def test_a_viewpoint_inside_a_house_sees_nothing(scene):
     sight = scene.sight([8.0, 14.0, 0.0], [[8.0, 0.0, 0.0], [0.0, -6.0, 0.0], [8.0, 17.0, 0.0]])
     assert (sight.state != VISIBLE).all()

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from intervis.arrays import Float64Array
 from intervis.kernels import in_parts, kernel
 from intervis.sight import evidence
+from intervis.sight.atlas import Memory
 from intervis.sight.engine import (
     Findings,
-    Memory,
-    judge_part,
+    judge_some,
     new_block,
     odds_table_of,
 )
@@ -128,7 +128,7 @@ def _answer_part(
                 which[count] = at
                 count += 1
             at += 1
-        judge_part(memory, first, second, model, odds_table, block, 0, count, found)
+        judge_some(memory, first[:count], second[:count], model, odds_table, block, found)
         for i in range(count):
             line, a, b = which[i], first[i], second[i]
             length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)

@@ -11,20 +11,16 @@ full eights of marks; the surplus is never counted.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.kernels import in_parts, kernel
-from intervis.sight.chart import TURN, turn_of
+from intervis.sight.atlas import Memory, choose_scans, to_sensor
+from intervis.sight.chart import TURN, Int16Array, turn_of
 from intervis.sight.evidence import MODEL, NOISE, Model
 from intervis.sight.ground import CELL_M, CELLS
 
-Int16Array = NDArray[np.int16]
-
 CARRIED = 0.1
 """Between two rows the surface is interpolated where rho differs by less than this share."""
-NEAR_M = 0.5
-"""Scans whose distances to a line's ends differ by less than this are ranked newest first."""
 MOST_MARKS = 2048
 """Longer lines get longer pieces."""
 EIGHT = 8
@@ -47,25 +43,6 @@ SEEN, OPEN, HIDDEN, UNSEEN, CLEAR = ODDS, RHO, SHARE, LOW, HIGH
 # and its chart.
 FIRST, STEP, PIECE, START, ALONG = 0, 1, 2, 3, 6
 THE_SCAN, UNIT_M, OFFSET, COLUMNS, ROWS, SLOPE_FROM, ROWS_PER_SLOPE = range(9, 16)
-
-
-class Memory(NamedTuple):
-    """Charts of S scans, oldest first, laid out for kernels.
-
-    `cells` holds each scan's chart, column after column, from `offset` on; `sensor_from_scene` is
-    (S, 3, 4); `position` (S, 3) are the sensors' places in the scene; `ground` is (S, G, G).
-    """
-
-    cells: Int16Array
-    unit_m: Float64Array
-    offset: IntArray
-    columns: IntArray
-    rows: IntArray
-    slope_from: Float64Array
-    rows_per_slope: Float64Array
-    sensor_from_scene: Float64Array
-    position: Float64Array
-    ground: Float32Array
 
 
 class Findings(NamedTuple):
@@ -128,38 +105,11 @@ def new_block(memory: Memory, model: Model) -> Block:
 
 
 @kernel
-def _choose_scans(
-    memory: Memory, a: Float64Array, b: Float64Array, chosen: IntArray, rank: Float64Array
-) -> None:
-    """The scans with a say about one line, nearest first, newest first among equals."""
-    count = 0
-    for k in range(len(memory.offset) - 1, -1, -1):
-        to_a = 0.0
-        to_b = 0.0
-        for axis in range(3):
-            to_a += (a[axis] - memory.position[k, axis]) ** 2
-            to_b += (b[axis] - memory.position[k, axis]) ** 2
-        away = np.floor(np.sqrt(min(to_a, to_b)) / NEAR_M)
-        if count < len(chosen):
-            count += 1
-        elif not away < rank[count - 1]:
-            continue
-        at = count - 1
-        while at > 0 and rank[at - 1] > away:
-            rank[at] = rank[at - 1]
-            chosen[at] = chosen[at - 1]
-            at -= 1
-        rank[at] = away
-        chosen[at] = k
-
-
-@kernel
 def _lay_out(
     memory: Memory,
     first: Float64Array,
     second: Float64Array,
     begin: int,
-    stop: int,
     model: Model,
     block: Block,
 ) -> int:
@@ -167,7 +117,7 @@ def _lay_out(
     rank = np.empty(block.chosen.shape[1])
     at = 0
     count = 0
-    while count < min(BLOCK_LINES, stop - begin) and at < BLOCK_MARKS:
+    while count < min(BLOCK_LINES, len(first) - begin) and at < BLOCK_MARKS:
         a, b = first[begin + count], second[begin + count]
         length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
         pieces = int(min(max(np.ceil(length / model.mark_m), 1.0), float(MOST_MARKS)))
@@ -180,22 +130,10 @@ def _lay_out(
         line, span = block.lines[count], block.span[count]
         line[FIRST], line[STEP], line[PIECE] = skipped + 0.5, 1.0 / pieces, piece
         span[0], span[1], span[2] = at, at + marks, at + (marks + EIGHT - 1) // EIGHT * EIGHT
-        _choose_scans(memory, a, b, block.chosen[count], rank)
+        choose_scans(memory, a, b, block.chosen[count], rank)
         at = span[2]
         count += 1
     return count
-
-
-@kernel
-def to_sensor(
-    g: Float64Array, a: Float64Array, b: Float64Array, start: Float64Array, along: Float64Array
-) -> None:
-    """A line's first end, and the way from there to the second one, in a sensor's frame."""
-    x, y, z = a[0], a[1], a[2]
-    dx, dy, dz = b[0] - x, b[1] - y, b[2] - z
-    for axis in range(3):
-        start[axis] = g[axis, 0] * x + g[axis, 1] * y + g[axis, 2] * z + g[axis, 3]
-        along[axis] = g[axis, 0] * dx + g[axis, 1] * dy + g[axis, 2] * dz
 
 
 @kernel
@@ -387,23 +325,21 @@ def _add_up(count: int, block: Block, rate_per_m: float, at: int, found: Finding
 
 
 @kernel
-def judge_part(
+def judge_some(
     memory: Memory,
     first: Float64Array,
     second: Float64Array,
     model: Model,
     odds_table: Float64Array,
     block: Block,
-    start: int,
-    stop: int,
     found: Findings,
 ) -> None:
-    """Findings on the lines from `start` to `stop`; see `judge_lines`."""
+    """Write the findings on lines; see `judge_lines`."""
     marks, lines, span = block.marks, block.lines, block.span
     scans = block.chosen.shape[1]
-    at = start
-    while at < stop:
-        count = _lay_out(memory, first, second, at, stop, model, block)
+    at = 0
+    while at < len(first):
+        count = _lay_out(memory, first, second, at, model, block)
         in_all = span[count - 1, 2]
         marks[ODDS, :in_all] = 0.0
         marks[GAP, :in_all] = np.inf
@@ -439,8 +375,9 @@ def judge_lines(
     found = Findings(a, b, c, d, e, f, np.empty(count, np.int64))
 
     def work(start: int, stop: int) -> None:
-        block = new_block(memory, model)
-        judge_part(memory, first, second, model, table, block, start, stop, found)
+        part, block = slice(start, stop), new_block(memory, model)
+        to_find = Findings._make([values[part] for values in found])
+        judge_some(memory, first[part], second[part], model, table, block, to_find)
 
     in_parts(work, count, least=512)
     return found

@@ -6,8 +6,8 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.errors import SettingsError
-from intervis.sight.chart import Chart
-from intervis.sight.engine import Int16Array, Memory
+from intervis.sight.atlas import Memory
+from intervis.sight.chart import Chart, Int16Array
 from intervis.transform import inverse
 
 SAME_POSE = 1e-6

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from intervis.arrays import BoolArray, Float64Array
 from intervis.sight import evidence as model
-from intervis.sight.engine import CARRIED, MOST_MARKS, NEAR_M, Memory
+from intervis.sight.atlas import NEAR_M, Memory
+from intervis.sight.engine import CARRIED, MOST_MARKS
 from intervis.sight.evidence import MODEL
 from intervis.sight.ground import CELL_M, CELLS
 

@@ -17,8 +17,9 @@ from intervis.arrays import (
 )
 from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE, answer_lines
+from intervis.sight.atlas import Memory
 from intervis.sight.chart import chart_of
-from intervis.sight.engine import Memory, judge_lines
+from intervis.sight.engine import judge_lines
 from intervis.sight.evidence import VISIBLE_FROM
 from intervis.sight.memory import ScanMemory
 from intervis.sight.sensor import Sensor, sensor_named, sensor_of_scan
