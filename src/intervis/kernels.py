@@ -1,14 +1,21 @@
 """Compiled kernels: one place decides how they are compiled, cached and spread over threads.
 
+A kernel may use the constants and the kernels of its own folder. Compiled code holds copies of
+them, so what is kept on disk is bound to all source of that folder: after an edit or an upgrade
+it is compiled again.
+
 Kernels release the interpreter lock and are spread by `in_parts` over plain threads. That needs
 none of numba's threading layers, so nothing warns about an old TBB and any thread may call.
 """
 
+import hashlib
+import inspect
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -18,12 +25,32 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def kernel(function: Function) -> Function:
     """Compile a function on its first call, to disk where a cache can be written."""
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     try:
         compiled = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # no folder can hold a cache: compile in memory, every time
+        _bind_to_sources(compiled, Path(inspect.getfile(function)).parent)
+    except (RuntimeError, AttributeError):  # nothing can be kept: compile in memory, every time
         compiled = numba.njit(**options)(function)
     return cast(Function, compiled)
+
+
+def _bind_to_sources(compiled: Any, folder: Path) -> None:
+    """Let what is kept of a kernel on disk go out of date with any source file of its folder.
+
+    numba by itself looks at the time and the size of the one file that holds the kernel. It has
+    no public setting for more; without these attributes nothing is kept at all.
+    """
+    file = compiled._cache._cache_file
+    file._source_stamp = (file._source_stamp, _digest(folder))
+
+
+@cache
+def _digest(folder: Path) -> str:
+    """Digest of a folder's Python source."""
+    digest = hashlib.sha256()
+    for file in sorted(folder.glob("*.py")):
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 def thread_count() -> int:
