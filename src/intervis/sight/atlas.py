@@ -6,10 +6,12 @@ import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.kernels import kernel
-from intervis.sight.chart import Int16Array
+from intervis.sight.chart import TURN, Int16Array, turn_of
 
 NEAR_M = 0.5
 """Scans whose distances to a line's ends differ by less than this are ranked newest first."""
+CARRIED = 0.1
+"""Between two rows the surface is interpolated where rho differs by less than this share."""
 
 
 class Memory(NamedTuple):
@@ -67,3 +69,25 @@ def to_sensor(
     for axis in range(3):
         start[axis] = g[axis, 0] * x + g[axis, 1] * y + g[axis, 2] * z + g[axis, 3]
         along[axis] = g[axis, 0] * dx + g[axis, 1] * dy + g[axis, 2] * dz
+
+
+@kernel
+def depth_at(memory: Memory, k: int, x: float, y: float, z: float) -> float:
+    """How deep a place in scan k's own frame lies behind its surface; NaN where it saw none."""
+    rho = np.sqrt(x * x + y * y)
+    f = (z / rho - memory.slope_from[k]) * memory.rows_per_slope[k]
+    rows = memory.rows[k]
+    if not (0.0 <= f < rows - 1.0):
+        return np.nan
+    row = int(f)
+    f -= row
+    columns = memory.columns[k]
+    column = min(int(turn_of(x, y) * (columns / TURN)), columns - 1)
+    at = memory.offset[k] + column * rows + row
+    low, high = abs(float(memory.cells[at])), abs(float(memory.cells[at + 1]))
+    surface = high if f >= 0.5 else low
+    if surface == 0.0:
+        return np.nan
+    if abs(low - high) < CARRIED * min(low, high):
+        surface = low + (high - low) * f
+    return float(rho - surface * memory.unit_m[k])

@@ -14,13 +14,12 @@ import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.kernels import in_parts, kernel
-from intervis.sight.atlas import Memory, choose_scans, to_sensor
+from intervis.sight.atlas import CARRIED, Memory, choose_scans, to_sensor
 from intervis.sight.chart import TURN, Int16Array, turn_of
 from intervis.sight.evidence import MODEL, NOISE, Model
 from intervis.sight.ground import CELL_M, CELLS
+from intervis.sight.moved import has_changed, scan_across, stood_here
 
-CARRIED = 0.1
-"""Between two rows the surface is interpolated where rho differs by less than this share."""
 MOST_MARKS = 2048
 """Longer lines get longer pieces."""
 EIGHT = 8
@@ -32,17 +31,22 @@ BLOCK_MARKS, BLOCK_LINES = 512, 64
 # lower of two cells of its chart, its value and the upper one's, the place between the two (-1
 # off the chart), an entry of the table of odds. What all scans say: summed log-odds, least gap
 # before a seen surface and least distance from one that is met (inf with none), the scan that met
-# it. Above the nearest scan's ground: the height, and an entry of the ground or of a table.
+# it. Above the nearest scan's ground: the height, and an entry of the ground or of a table. How
+# deep they lie behind the surfaces of the nearest scan and of the one across; and whether
+# something that moved stood there (1), has gone or is yet to come (-1).
 RHO, CELL, LOW, HIGH, SHARE, ENTRY, ODDS, GAP, NEAR, SCAN, HEIGHT, PLACE = range(12)
+BY_NEAREST, BY_ACROSS, MOVED = 12, 13, 14
 # The same rows, once the odds are known: the exponent's parts by what was seen there, marks that
 # no scan saw, clearance of open space.
 SEEN, OPEN, HIDDEN, UNSEEN, CLEAR = ODDS, RHO, SHARE, LOW, HIGH
 # Columns of a block's numbers about its lines: share of the line at its first mark and from one
 # mark to the next, a piece's length; in the frame of the sensor whose scan has the word, the
 # line's first end and the way to the second one, each from its column on for three; that scan
-# and its chart.
+# and its chart; the direction from the nearest scan to the one across, how much of that way lies
+# before the line's end, and the rank of the one across (0: there is none).
 FIRST, STEP, PIECE, START, ALONG = 0, 1, 2, 3, 6
 THE_SCAN, UNIT_M, OFFSET, COLUMNS, ROWS, SLOPE_FROM, ROWS_PER_SLOPE = range(9, 16)
+WAY, ACROSS = 16, 19
 
 
 class Findings(NamedTuple):
@@ -72,7 +76,7 @@ class Findings(NamedTuple):
 class Block(NamedTuple):
     """The working memory of one thread: a few lines that are judged together.
 
-    `marks` (12, W) and `lines` (B, 16): see the names of their rows and columns above. `span`
+    `marks` (15, W) and `lines` (B, 20): see the names of their rows and columns above. `span`
     (B, 3): each line's first mark, the mark after its last one, and the same rounded up;
     `chosen` (B, K): the scans with a say, nearest first.
     """
@@ -97,8 +101,8 @@ def new_block(memory: Memory, model: Model) -> Block:
     # rows that start a multiple of 4096 bytes apart would drive each other out of fast memory
     width = BLOCK_MARKS + MOST_MARKS + 3 * EIGHT
     return Block(
-        np.empty((12, width)),
-        np.empty((BLOCK_LINES, 16)),
+        np.empty((15, width)),
+        np.empty((BLOCK_LINES, 20)),
         np.empty((BLOCK_LINES, 3), np.int64),
         np.empty((BLOCK_LINES, scans), np.int64),
     )
@@ -131,6 +135,7 @@ def _lay_out(
         line[FIRST], line[STEP], line[PIECE] = skipped + 0.5, 1.0 / pieces, piece
         span[0], span[1], span[2] = at, at + marks, at + (marks + EIGHT - 1) // EIGHT * EIGHT
         choose_scans(memory, a, b, block.chosen[count], rank)
+        line[ACROSS] = scan_across(memory, a, b, block.chosen[count], line[WAY : WAY + 3])
         at = span[2]
         count += 1
     return count
@@ -229,6 +234,63 @@ def _measure(
 
 
 @kernel
+def _keep_depths(
+    marks: Float64Array, lines: Float64Array, span: IntArray, count: int, n: int
+) -> None:
+    """Keep how deep the marks lie behind the surface of the n-th scan, where that is asked for."""
+    for i in range(count):
+        across = int(lines[i, ACROSS])
+        if across == 0 or (n > 0 and n != across):
+            continue
+        begin, end = span[i, 0], span[i, 2]
+        kept = marks[BY_NEAREST if n == 0 else BY_ACROSS, begin:end]
+        rho_of, share = marks[RHO, begin:end], marks[SHARE, begin:end]
+        lows, highs = marks[LOW, begin:end], marks[HIGH, begin:end]
+        unit_m = lines[i, UNIT_M]
+        for m in range(end - begin):
+            f, below, above = share[m], abs(lows[m]), abs(highs[m])
+            value = above if f >= 0.5 else below
+            known = (value != 0.0) & (f >= 0.0)
+            mixed = below + (above - below) * f
+            surface = mixed if abs(below - above) < CARRIED * min(below, above) else value
+            kept[m] = rho_of[m] - surface * unit_m if known else np.nan
+
+
+@kernel
+def _follow(
+    memory: Memory,
+    first: Float64Array,
+    second: Float64Array,
+    begin: int,
+    count: int,
+    model: Model,
+    block: Block,
+) -> None:
+    """Decide the marks that two scans saw differently: did what moved stand there?"""
+    marks = block.marks
+    for i in range(count):
+        line, a, b = block.lines[i], first[begin + i], second[begin + i]
+        from_mark, to_mark = block.span[i, 0], block.span[i, 1]
+        marks[MOVED, from_mark : block.span[i, 2]] = 0.0
+        if line[ACROSS] == 0.0:
+            continue
+        near, across = block.chosen[i, 0], block.chosen[i, int(line[ACROSS])]
+        for m in range(from_mark, to_mark):
+            one, other = marks[BY_NEAREST, m], marks[BY_ACROSS, m]
+            if not has_changed(one, other, marks[HEIGHT, m], model):
+                continue
+            s = (m - from_mark + line[FIRST]) * line[STEP]
+            x, y, z = a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2])
+            if stood_here(memory, near, across, x, y, z, line[WAY : WAY + 3], model):
+                marks[MOVED, m] = 1.0
+                if marks[NEAR, m] == np.inf:
+                    marks[NEAR, m] = abs(max(one, other))
+                    marks[SCAN, m] = near if one > other else across
+            else:
+                marks[MOVED, m] = -1.0
+
+
+@kernel
 def _weigh(marks: Float64Array, count: int, odds_table: Float64Array, weight: float) -> None:
     """Add what the scans say to the odds of the marks."""
     odds, entry = marks[ODDS], marks[ENTRY]
@@ -255,6 +317,10 @@ def _raise_above_ground(
             q = np.floor(_within((v0 + s * dv) * per_m, CELLS - 1.0))
             place[m] = (before + p) * CELLS + q
             height[m] = w0 + s * dw
+        # what lies under that ground is blocked by it, if no scan says otherwise
+        near, scan_of, scan = marks[NEAR, begin:end], marks[SCAN, begin:end], lines[i, THE_SCAN]
+        for m in range(end - begin):
+            scan_of[m] = scan_of[m] if near[m] < np.inf else scan
     heights = ground.reshape(-1)
     place, height = marks[PLACE], marks[HEIGHT]
     for m in range(span[count - 1, 2]):
@@ -262,7 +328,7 @@ def _raise_above_ground(
 
 
 @kernel
-def _fill(marks: Float64Array, count: int, model: Model) -> None:
+def _fill(marks: Float64Array, count: int, model: Model, followed: bool) -> None:
     """Turn the odds that each mark is filled into the probability."""
     heights, shares = model.heights, model.shares
     height_from_m, per_m = model.height_from_m, model.per_m
@@ -272,20 +338,28 @@ def _fill(marks: Float64Array, count: int, model: Model) -> None:
     for m in range(count):
         place[m] = _within((height[m] - height_from_m) * per_m, last_height)
     for m in range(count):
-        entry = (odds[m] + heights[int(place[m])] - share_from) * shares_per_odds
+        odds[m] += heights[int(place[m])]
+    if followed:
+        moved, here, away = marks[MOVED], model.moved_here, model.moved_away
+        for m in range(count):
+            at_least = max(odds[m], here) if moved[m] > 0.0 else odds[m]
+            odds[m] = min(at_least, away) if moved[m] < 0.0 else at_least
+    for m in range(count):
+        entry = (odds[m] - share_from) * shares_per_odds
         odds[m] = shares[int(_within(entry, last_share))]
 
 
 @kernel
-def _sort_out(marks: Float64Array, count: int) -> None:
+def _sort_out(marks: Float64Array, count: int, buried_m: float, buried_share: float) -> None:
     """Split the probabilities of the marks by what was seen there."""
     gap, near, height = marks[GAP], marks[NEAR], marks[HEIGHT]
     seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
     unseen, clear = marks[UNSEEN], marks[CLEAR]
     for m in range(count):
-        met = near[m] < np.inf
         crossed = gap[m] < np.inf
-        share = seen[m]
+        buried = (height[m] < -buried_m) & (not crossed)
+        met = (near[m] < np.inf) | buried
+        share = buried_share if buried else seen[m]
         above = min(gap[m], height[m])
         seen[m] = share if met else 0.0
         free[m] = share if crossed & (not met) else 0.0
@@ -299,7 +373,7 @@ def _add_up(count: int, block: Block, rate_per_m: float, at: int, found: Finding
     """The findings on a block's lines, whose marks are sorted out; the first is line `at`."""
     marks = block.marks
     seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
-    unseen, clear, scan = marks[UNSEEN], marks[CLEAR], marks[SCAN]
+    unseen, clear, scan, height = marks[UNSEEN], marks[CLEAR], marks[SCAN], marks[HEIGHT]
     for i in range(count):
         begin, end, piece = block.span[i, 0], block.span[i, 1], block.lines[i, PIECE]
         in_seen, in_open, in_hidden, marks_unseen, least = 0.0, 0.0, 0.0, 0.0, np.inf
@@ -309,11 +383,12 @@ def _add_up(count: int, block: Block, rate_per_m: float, at: int, found: Finding
             in_hidden += hidden[m]
             marks_unseen += unseen[m]
             least = min(least, clear[m])
-        worst, worst_at, worst_scan = 0.0, 0.0, -1.0
+        worst, worst_height, worst_at, worst_scan = 0.0, np.inf, 0.0, -1.0
         if in_seen > 0.0:
             for m in range(begin, end):
-                if seen[m] > worst:
-                    worst, worst_scan = seen[m], scan[m]
+                # of marks under the ground, all as bad, the one next to its surface
+                if seen[m] > worst or (seen[m] == worst > 0.0 and height[m] > worst_height):
+                    worst, worst_height, worst_scan = seen[m], height[m], scan[m]
                     worst_at = m - begin + block.lines[i, FIRST]
         found.seen[at + i] = in_seen * rate_per_m * piece
         found.open[at + i] = in_open * rate_per_m * piece
@@ -350,10 +425,14 @@ def judge_some(
             _look(memory.cells, marks, in_all)
             _measure(marks, lines, span, count, model)
             _weigh(marks, in_all, odds_table, model.weights[scans - 1, n])
+            if scans > 1:
+                _keep_depths(marks, lines, span, count, n)
             if n == 0:
                 _raise_above_ground(memory.ground, marks, lines, span, count)
-        _fill(marks, in_all, model)
-        _sort_out(marks, in_all)
+        if scans > 1:
+            _follow(memory, first, second, at, count, model, block)
+        _fill(marks, in_all, model, scans > 1)
+        _sort_out(marks, in_all, model.buried_m, model.buried_rate_per_m / model.rate_per_m)
         _add_up(count, block, model.rate_per_m, at, found)
         at += count
 

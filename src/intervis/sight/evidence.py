@@ -16,14 +16,28 @@ beside what the height above ground alone makes of it:
 
     odds = height_odds(h) + sum_k weight_k depth_odds(d_k)
 
-and a filled mark stops the line with `RATE_PER_M` per metre:
+Things move between scans. Two scans tell where they stood in between: the nearest one, and the
+nearest beyond the line's end, so that the sensor passed that end on its way from one to the other,
+after a `share` of it. A mark that one of them saw filled (d from `SURFACE_FROM_M` to
+`CHANGED_TO_M`) and the other saw through (d < `CHANGED_FROM_M`) has changed: something left, or
+came. What stood at p in the one scan and at q in the other was at p + share (q - p) when the
+sensor passed. So the mark is filled, odds >= `MOVED_HERE`, where it lies between such a p and q on
+a line along the sensor's way, up to `MOVED_REACH_M` apart: each at a surface of its own scan, one
+of them at least seen through by the other. If there are none, it has been left or not yet been
+reached: odds <= `MOVED_AWAY`. Marks nearer to the ground than `CHANGED_LOW_M` or higher than
+`CHANGED_HIGH_M` are left alone, and so is all where no scan lies across.
+
+A filled mark stops the line with `RATE_PER_M` per metre:
 
     share = 1 / (1 + exp(-odds))
     P(visible) = exp(-(NOISE + sum over marks of RATE_PER_M share length))
 
-That sum has three parts: `seen` from marks at surfaces (-0.2 m <= d <= 1.3 m for some scan),
-`open` from other marks that some scan saw free, and `hidden` from marks that no scan saw. The
-three answers are
+A mark more than `BURIED_M` under the ground that the nearest scan saw, and that no scan saw free,
+is earth: it stops the line with `BURIED_RATE_PER_M` whatever the odds.
+
+That sum has three parts: `seen` from marks at surfaces (-0.2 m <= d <= 1.3 m for some scan), in
+earth, or where something that moved stood; `open` from other marks that some scan saw free; and
+`hidden` from marks that no scan saw. The three answers are
 
     occluded (0)   seen > OCCLUDED_SEEN: it meets a surface that some beam has hit
     visible  (1)   seen < VISIBLE_SEEN, hidden < VISIBLE_HIDDEN and P >= VISIBLE_FROM, and of the
@@ -38,6 +52,11 @@ The curves were fitted by maximum likelihood, smoothness demanded, to held-out r
 KITTI drive of 22 scans, half of them in protocol `single`, half in `map`. `FADE`, `SCANS` and
 `REPEAT` were chosen with those pairs and looked at on six more of the same drive; the thresholds
 of the three answers were chosen in built-in worlds.
+
+What moves was studied on those eight pairs, on another drive in traffic and in two built-in
+streets. Of the changed marks at a surface that the rule calls filled the judging scan saw 59 to 86
+in 100 filled, of those that it calls left 5 to 13. The scores hardly depend on its numbers: steps
+of 0.3 to 1 m, a reach of 5 to 12 m and `CHANGED_TO_M` from 2 to 10 m gave the same within 0.008.
 """
 
 from typing import NamedTuple
@@ -55,11 +74,17 @@ FADE = 0.6
 REPEAT = 0.3
 """How much of what a further scan says is taken as repetition, from 0 (nothing) to 1 (all)."""
 RATE_PER_M = 1.31
+BURIED_M, BURIED_RATE_PER_M = 0.5, 4.0
 NOISE = 2e-3
 VISIBLE_FROM, VISIBLE_SEEN, VISIBLE_HIDDEN = 0.75, 0.3, 0.25
-UNKNOWN_M, UNKNOWN_SHARE = 10.0, 0.85
+UNKNOWN_M, UNKNOWN_SHARE = 3.0, 0.5
 OCCLUDED_SEEN = 0.85
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
+CHANGED_FROM_M, CHANGED_TO_M = -0.7, 3.0
+CHANGED_LOW_M, CHANGED_HIGH_M = 0.2, 3.0
+"""What moves is looked for so high above the ground: traffic and people."""
+MOVED_STEP_M, MOVED_REACH_M = 1.0, 6.0
+MOVED_HERE, MOVED_AWAY = 1.5, -3.0
 
 DEPTH_M = np.array([-4, -1.5, -0.7, -0.3, -0.1, 0.1, 0.3, 0.6, 1, 1.6, 2.5, 4, 7, 12, 20])
 SOLID_ODDS = np.array(
@@ -118,8 +143,18 @@ class Model(NamedTuple):
     mark_m: float
     end_m: float
     rate_per_m: float
+    buried_m: float
+    buried_rate_per_m: float
     surface_from_m: float
     surface_to_m: float
+    changed_from_m: float
+    changed_to_m: float
+    changed_low_m: float
+    changed_high_m: float
+    moved_step_m: float
+    moved_reach_m: float
+    moved_here: float
+    moved_away: float
     depth_from_m: float
     height_from_m: float
     per_m: float
@@ -142,8 +177,18 @@ def usual_model() -> Model:
         mark_m=MARK_M,
         end_m=END_M,
         rate_per_m=RATE_PER_M,
+        buried_m=BURIED_M,
+        buried_rate_per_m=BURIED_RATE_PER_M,
         surface_from_m=SURFACE_FROM_M,
         surface_to_m=SURFACE_TO_M,
+        changed_from_m=CHANGED_FROM_M,
+        changed_to_m=CHANGED_TO_M,
+        changed_low_m=CHANGED_LOW_M,
+        changed_high_m=CHANGED_HIGH_M,
+        moved_step_m=MOVED_STEP_M,
+        moved_reach_m=MOVED_REACH_M,
+        moved_here=MOVED_HERE,
+        moved_away=MOVED_AWAY,
         depth_from_m=DEPTH_TABLE_FROM_M,
         height_from_m=HEIGHT_TABLE_FROM_M,
         per_m=TABLE_PER_M,

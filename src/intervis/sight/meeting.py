@@ -4,9 +4,8 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.kernels import kernel
-from intervis.sight.atlas import Memory, to_sensor
+from intervis.sight.atlas import CARRIED, Memory, to_sensor
 from intervis.sight.chart import TURN, Int16Array, turn_of
-from intervis.sight.engine import CARRIED
 
 REACH_M = 1.5
 """The surface is looked for so far along the line, to either side of the mark it blocks."""

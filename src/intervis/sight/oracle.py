@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from intervis.arrays import BoolArray, Float64Array
 from intervis.sight import evidence as model
-from intervis.sight.atlas import NEAR_M, Memory
-from intervis.sight.engine import CARRIED, MOST_MARKS
+from intervis.sight.atlas import CARRIED, NEAR_M, Memory
+from intervis.sight.engine import MOST_MARKS
 from intervis.sight.evidence import MODEL
 from intervis.sight.ground import CELL_M, CELLS
+from intervis.sight.moved import LEAST_WAY_M
 
 
 class Verdict(NamedTuple):
@@ -54,12 +55,14 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
     free, surface = np.zeros(len(marks), bool), np.zeros(len(marks), bool)
     scans = _chosen_scans(memory, a, b)
     height = np.zeros(len(marks))
+    depths = []
     for rank, k in enumerate(scans):
         weight = model.scan_weights(len(scans))[rank]
         points = marks @ memory.sensor_from_scene[k, :, :3].T + memory.sensor_from_scene[k, :, 3]
         if rank == 0:
             height = _height_above_ground(memory, k, points)
         depth, solid, known = _depth_behind_surface(memory, k, points)
+        depths.append(depth)
         say = np.where(
             solid,
             _read(MODEL.solid, depth, model.DEPTH_TABLE_FROM_M, model.TABLE_PER_M),
@@ -69,8 +72,13 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
         free |= known & (depth < model.SURFACE_FROM_M)
         surface |= known & (depth >= model.SURFACE_FROM_M) & (depth <= model.SURFACE_TO_M)
     odds += _read(MODEL.heights, height, model.HEIGHT_TABLE_FROM_M, model.TABLE_PER_M)
+    here, gone = _moved(memory, a, b, scans, marks, depths, height)
+    odds = np.where(here, np.maximum(odds, model.MOVED_HERE), odds)
+    odds = np.where(gone, np.minimum(odds, model.MOVED_AWAY), odds)
+    buried = (height < -model.BURIED_M) & ~free
+    surface |= here | buried
     share = _read(MODEL.shares, odds, model.SHARE_TABLE_FROM, model.SHARES_PER_ODDS)
-    filled = model.RATE_PER_M * piece * share
+    filled = piece * np.where(buried, model.BURIED_RATE_PER_M, model.RATE_PER_M * share)
     open_space = free & ~surface
     return Verdict(
         float(filled[open_space].sum()),
@@ -97,6 +105,69 @@ def _chosen_scans(memory: Memory, a: Float64Array, b: Float64Array) -> list[int]
     away = np.floor(np.minimum(to_a, to_b) / NEAR_M)
     newest_first = sorted(range(len(away)), key=lambda k: (away[k], -k))
     return newest_first[: model.SCANS]
+
+
+def _moved(
+    memory: Memory,
+    a: Float64Array,
+    b: Float64Array,
+    scans: list[int],
+    marks: Float64Array,
+    depths: list[Float64Array],
+    height: Float64Array,
+) -> tuple[BoolArray, BoolArray]:
+    """Marks where something that moved stood, and marks that it left or has yet to reach."""
+    near = memory.position[scans[0], :2]
+    ends = sorted((a, b), key=lambda end: float(np.sum((end - memory.position[scans[0]]) ** 2)))
+    end = ends[0][:2]
+    beyond = [
+        n for n in range(1, len(scans)) if (memory.position[scans[n], :2] - end) @ (end - near) > 0
+    ]
+    nothing = np.zeros(len(marks), bool)
+    if not beyond:
+        return nothing, nothing
+    across = scans[beyond[0]]
+    length = float(np.linalg.norm(memory.position[across, :2] - near))
+    if length < LEAST_WAY_M:
+        return nothing, nothing
+    way = np.append((memory.position[across, :2] - near) / length, 0.0)
+    share = float(np.clip((end - near) @ way[:2] / length, 0.0, 1.0))
+
+    both = np.array([depths[0], depths[beyond[0]]])
+    with np.errstate(invalid="ignore"):
+        changed = (both.min(axis=0) < model.CHANGED_FROM_M) & _within(
+            both.max(axis=0), model.SURFACE_FROM_M, model.CHANGED_TO_M
+        )
+    changed &= _within(height, model.CHANGED_LOW_M, model.CHANGED_HIGH_M)
+    here = nothing.copy()
+    reach = np.arange(0.5 * model.MOVED_STEP_M, model.MOVED_REACH_M, model.MOVED_STEP_M)
+    for moved_m in np.concatenate([-reach, reach]):
+        first = marks[changed] - share * moved_m * way
+        second = marks[changed] + (1.0 - share) * moved_m * way
+        saw = {
+            (k, name): _depth_in_scene(memory, k, points)
+            for k in (scans[0], across)
+            for name, points in (("first", first), ("second", second))
+        }
+        here[changed] |= (
+            _within(saw[scans[0], "first"], model.SURFACE_FROM_M, model.SURFACE_TO_M)
+            & _within(saw[across, "second"], model.SURFACE_FROM_M, model.SURFACE_TO_M)
+            & (
+                (saw[across, "first"] < model.CHANGED_FROM_M)
+                | (saw[scans[0], "second"] < model.CHANGED_FROM_M)
+            )
+        )
+    return here, changed & ~here
+
+
+def _within(value: Float64Array, least: float, most: float) -> BoolArray:
+    return np.asarray((value >= least) & (value <= most))
+
+
+def _depth_in_scene(memory: Memory, k: int, points: Float64Array) -> Float64Array:
+    """How far points of the scene lie behind scan k's surface; NaN where there is none."""
+    turned = points @ memory.sensor_from_scene[k, :, :3].T + memory.sensor_from_scene[k, :, 3]
+    return _depth_behind_surface(memory, k, turned)[0]
 
 
 def _height_above_ground(memory: Memory, k: int, points: Float64Array) -> Float64Array:
