@@ -12,7 +12,7 @@ from intervis.camera import Camera
 from intervis.cli import exit_code
 from intervis.drives import Frame
 from intervis.errors import IntervisError
-from intervis.report import paper_figures
+from intervis.report import style
 from intervis.reproduction import experiment as module
 from intervis.reproduction.claims import check_claims, identity_residuals
 from intervis.reproduction.experiment import agreement, run_frame, steps_of_frame, usable
@@ -23,7 +23,7 @@ PNG = ("03", "04", "05", "06", "07", "08", "09", "10")
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
     """Few runs and coarse pictures: neither times nor looks are tested here."""
-    monkeypatch.setattr(paper_figures, "DPI", 40)
+    monkeypatch.setattr(style, "DPI", 40)
     monkeypatch.setattr(module, "SWEEP", (1, 5, 35, *module.paper.TAUS))
     monkeypatch.setattr(module, "SWEEP_RUNS", 1)
     monkeypatch.setattr(module.paper, "RUNS", 2)
