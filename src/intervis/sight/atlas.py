@@ -35,16 +35,16 @@ class Memory(NamedTuple):
 
 @kernel
 def choose_scans(
-    memory: Memory, a: Float64Array, b: Float64Array, chosen: IntArray, rank: Float64Array
+    position: Float64Array, a: Float64Array, b: Float64Array, chosen: IntArray, rank: Float64Array
 ) -> None:
     """The scans with a say about one line, nearest first, newest first among equals."""
     count = 0
-    for k in range(len(memory.offset) - 1, -1, -1):
+    for k in range(len(position) - 1, -1, -1):
         to_a = 0.0
         to_b = 0.0
         for axis in range(3):
-            to_a += (a[axis] - memory.position[k, axis]) ** 2
-            to_b += (b[axis] - memory.position[k, axis]) ** 2
+            to_a += (a[axis] - position[k, axis]) ** 2
+            to_b += (b[axis] - position[k, axis]) ** 2
         away = np.floor(np.sqrt(min(to_a, to_b)) / NEAR_M)
         if count < len(chosen):
             count += 1

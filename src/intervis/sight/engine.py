@@ -110,7 +110,7 @@ def new_block(memory: Memory, model: Model) -> Block:
 
 @kernel
 def _lay_out(
-    memory: Memory,
+    position: Float64Array,
     first: Float64Array,
     second: Float64Array,
     begin: int,
@@ -118,7 +118,8 @@ def _lay_out(
     block: Block,
 ) -> int:
     """Lay out the marks of the lines from `begin` on; how many lines find room."""
-    rank = np.empty(block.chosen.shape[1])
+    chosen = block.chosen
+    rank = np.empty(chosen.shape[1])
     at = 0
     count = 0
     while count < min(BLOCK_LINES, len(first) - begin) and at < BLOCK_MARKS:
@@ -134,8 +135,10 @@ def _lay_out(
         line, span = block.lines[count], block.span[count]
         line[FIRST], line[STEP], line[PIECE] = skipped + 0.5, 1.0 / pieces, piece
         span[0], span[1], span[2] = at, at + marks, at + (marks + EIGHT - 1) // EIGHT * EIGHT
-        choose_scans(memory, a, b, block.chosen[count], rank)
-        line[ACROSS] = scan_across(memory, a, b, block.chosen[count], line[WAY : WAY + 3])
+        chosen[count, 0], line[ACROSS] = 0, 0.0
+        if len(position) > 1:
+            choose_scans(position, a, b, chosen[count], rank)
+            line[ACROSS] = scan_across(position, a, b, chosen[count], line[WAY : WAY + 3])
         at = span[2]
         count += 1
     return count
@@ -318,9 +321,7 @@ def _raise_above_ground(
             place[m] = (before + p) * CELLS + q
             height[m] = w0 + s * dw
         # what lies under that ground is blocked by it, if no scan says otherwise
-        near, scan_of, scan = marks[NEAR, begin:end], marks[SCAN, begin:end], lines[i, THE_SCAN]
-        for m in range(end - begin):
-            scan_of[m] = scan_of[m] if near[m] < np.inf else scan
+        marks[SCAN, begin:end] = lines[i, THE_SCAN]
     heights = ground.reshape(-1)
     place, height = marks[PLACE], marks[HEIGHT]
     for m in range(span[count - 1, 2]):
@@ -337,15 +338,19 @@ def _fill(marks: Float64Array, count: int, model: Model, followed: bool) -> None
     odds, height, place = marks[ODDS], marks[HEIGHT], marks[PLACE]
     for m in range(count):
         place[m] = _within((height[m] - height_from_m) * per_m, last_height)
-    for m in range(count):
-        odds[m] += heights[int(place[m])]
     if followed:
         moved, here, away = marks[MOVED], model.moved_here, model.moved_away
         for m in range(count):
-            at_least = max(odds[m], here) if moved[m] > 0.0 else odds[m]
+            odds[m] += heights[int(place[m])]
+        for m in range(count):
+            summed = odds[m]
+            at_least = max(summed, here) if moved[m] > 0.0 else summed
             odds[m] = min(at_least, away) if moved[m] < 0.0 else at_least
+        for m in range(count):
+            odds[m] = shares[int(_within((odds[m] - share_from) * shares_per_odds, last_share))]
+        return
     for m in range(count):
-        entry = (odds[m] - share_from) * shares_per_odds
+        entry = (odds[m] + heights[int(place[m])] - share_from) * shares_per_odds
         odds[m] = shares[int(_within(entry, last_share))]
 
 
@@ -356,16 +361,21 @@ def _sort_out(marks: Float64Array, count: int, buried_m: float, buried_share: fl
     seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
     unseen, clear = marks[UNSEEN], marks[CLEAR]
     for m in range(count):
-        crossed = gap[m] < np.inf
-        buried = (height[m] < -buried_m) & (not crossed)
-        met = (near[m] < np.inf) | buried
-        share = buried_share if buried else seen[m]
-        above = min(gap[m], height[m])
-        seen[m] = share if met else 0.0
-        free[m] = share if crossed & (not met) else 0.0
-        hidden[m] = 0.0 if crossed | met else share
-        unseen[m] = 0.0 if crossed | met else 1.0
-        clear[m] = above if crossed & (not met) else np.inf
+        # One choice at a time, of numbers read before: conditions joined by "and", or a load that
+        # hangs on one, take twice as long.
+        ahead, met, above, share = gap[m], near[m], height[m], seen[m]
+        in_earth = above if ahead == np.inf else 0.0
+        met = 0.0 if in_earth < -buried_m else met
+        share = buried_share if in_earth < -buried_m else share
+        in_seen = share if met < np.inf else 0.0
+        in_open = share - in_seen if ahead < np.inf else 0.0
+        seen[m] = in_seen
+        free[m] = in_open
+        hidden[m] = share - in_seen - in_open
+        not_met = 1.0 if met == np.inf else 0.0
+        unseen[m] = not_met if ahead == np.inf else 0.0
+        least = min(ahead, above) if met == np.inf else np.inf
+        clear[m] = least if ahead < np.inf else np.inf
 
 
 @kernel
@@ -414,7 +424,7 @@ def judge_some(
     scans = block.chosen.shape[1]
     at = 0
     while at < len(first):
-        count = _lay_out(memory, first, second, at, model, block)
+        count = _lay_out(memory.position, first, second, at, model, block)
         in_all = span[count - 1, 2]
         marks[ODDS, :in_all] = 0.0
         marks[GAP, :in_all] = np.inf

@@ -16,20 +16,20 @@ LEAST_WAY_M = 0.5
 
 @kernel
 def scan_across(
-    memory: Memory, a: Float64Array, b: Float64Array, chosen: IntArray, way: Float64Array
+    position: Float64Array, a: Float64Array, b: Float64Array, chosen: IntArray, way: Float64Array
 ) -> int:
     """Rank of the scan across: nearest of those beyond the line's end as the nearest scan sees it.
 
     `way` becomes the direction (x, y) from the nearest scan to that one, and the share of that way
     at which the sensor passed the end. 0 where there is none.
     """
-    near = memory.position[chosen[0]]
+    near = position[chosen[0]]
     to_a = (a[0] - near[0]) ** 2 + (a[1] - near[1]) ** 2 + (a[2] - near[2]) ** 2
     to_b = (b[0] - near[0]) ** 2 + (b[1] - near[1]) ** 2 + (b[2] - near[2]) ** 2
     end = a if to_a <= to_b else b
     u, v = end[0] - near[0], end[1] - near[1]
     for n in range(1, len(chosen)):
-        far = memory.position[chosen[n]]
+        far = position[chosen[n]]
         if (far[0] - end[0]) * u + (far[1] - end[1]) * v > 0.0:
             p, q = far[0] - near[0], far[1] - near[1]
             length = np.sqrt(p * p + q * q)
