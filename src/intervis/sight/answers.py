@@ -9,10 +9,10 @@ from intervis.arrays import Float64Array
 from intervis.kernels import in_parts, kernel
 from intervis.sight import evidence
 from intervis.sight.atlas import Memory
+from intervis.sight.block import new_block
 from intervis.sight.engine import (
     Findings,
     judge_some,
-    new_block,
     odds_table_of,
 )
 from intervis.sight.evidence import MODEL, Model
