@@ -23,11 +23,11 @@ def car(from_x):
 
 
 def scene_of(first_car_x, last_car_x):
-    """Two scans of a house behind a road, the car at one place and then at another one."""
+    """Two scans of a house behind a road, a second apart, the car at one place and at another."""
     scene = Scene(sensor="HDL-64E")
-    for x, car_x in ((FIRST_X, first_car_x), (LAST_X, last_car_x)):
+    for second, (x, car_x) in enumerate(((FIRST_X, first_car_x), (LAST_X, last_car_x))):
         pose = turned(0.0, x, 0.0)
-        scene.add(street_scan(pose, boxes=np.array([HOUSE, car(car_x)])), pose)
+        scene.add(street_scan(pose, boxes=np.array([HOUSE, car(car_x)])), pose, float(second))
     return scene
 
 
@@ -52,6 +52,20 @@ def test_a_car_that_drives_past_stands_between_its_places(first_x, last_x):
     still = judge_lines(scene._packed(), *ends, MODEL._replace(changed_low_m=99.0))
     wrong = (sight.probability >= 0.5) != truth
     assert wrong.sum() < 0.5 * ((np.exp(-still.exponent) >= 0.5) != truth).sum()
+
+
+@pytest.mark.parametrize("moment_s", [0.0, 0.25, 0.5, 0.75, 1.0])
+def test_a_moment_says_how_far_the_car_had_come(moment_s):
+    """The viewpoint is where it is: the moment alone says where the car stood."""
+    scene = scene_of(5.0, -1.0)
+    there = 5.0 - 6.0 * moment_s
+    viewpoint, targets = lines_through(3.0, np.linspace(there - 6.0, there + 10.0, 65))
+    truth = clear(np.broadcast_to(viewpoint, targets.shape), targets, np.array([car(there)]))
+    sight = scene.sight(viewpoint, targets, moment_s=moment_s)
+    timeless = scene.sight(viewpoint, targets)
+    right = ((sight.probability >= 0.5) == truth).mean()
+    assert right > 0.8
+    assert right >= ((timeless.probability >= 0.5) == truth).mean() - 0.05
 
 
 def test_the_gap_between_parked_cars_stays_as_open_as_each_scan_left_it():

@@ -15,7 +15,7 @@ def scene() -> Scene:
     scene = Scene(sensor="HDL-64E")
     for number in range(8):
         pose = turned(0.05 * number, 1.3 * number, 0.1 * number)
-        scene.add(street_scan(pose, seed=number), pose)
+        scene.add(street_scan(pose, seed=number), pose, 0.1 * number)
     return scene
 
 
@@ -34,8 +34,8 @@ def random_lines(rng: np.random.Generator, count: int):
     return a, b
 
 
-def compare(scene: Scene, a, b) -> None:
-    memory = scene._packed()
+def compare(scene: Scene, a, b, moment_s=None) -> None:
+    memory = scene._packed(moment_s)
     found = judge_lines(memory, *_ordered(a, b))
     for i in range(len(a)):
         verdict = judge_line(memory, a[i], b[i])
@@ -47,6 +47,11 @@ def compare(scene: Scene, a, b) -> None:
 
 def test_engine_agrees_with_oracle_in_all_octants(scene, rng):
     compare(scene, *random_lines(rng, 3000))
+
+
+@pytest.mark.parametrize("moment_s", [-1.0, 0.0, 0.13, 0.4, 0.68, 3.0])
+def test_engine_agrees_with_oracle_at_any_moment(scene, rng, moment_s):
+    compare(scene, *random_lines(rng, 500), moment_s)
 
 
 def test_states_are_the_oracles(scene, rng):
@@ -68,5 +73,5 @@ def test_engine_agrees_between_returns(scene, rng):
 @pytest.mark.slow
 def test_engine_agrees_on_many_lines(scene, rng):
     """A fifth of a million; raise the count for an idle machine, 15 minutes a million."""
-    for _ in range(10):
-        compare(scene, *random_lines(rng, 20_000))
+    for part in range(10):
+        compare(scene, *random_lines(rng, 20_000), None if part % 2 else 0.08 * part)

@@ -36,6 +36,36 @@ def test_a_car_that_left_leaves_no_ghost_for_ever():
     assert state(scene) == VISIBLE
 
 
+def test_a_moment_asks_the_scans_of_that_time():
+    """The car came for a while: before, meanwhile and after are three different answers."""
+    scene = Scene()
+    for number in range(12):
+        boxes = WITH_CAR if 4 <= number < 8 else BOXES
+        scene.add(street_scan(boxes=boxes, seed=number, **COARSE), None, 0.5 * number)
+    for moment_s, expected in ((0.5, VISIBLE), (2.8, OCCLUDED), (5.0, VISIBLE)):
+        sight = scene.sight(BEFORE, BEHIND[None], moment_s=moment_s)
+        assert sight.state[0] == expected, moment_s
+        lines = scene.sight_lines(BEFORE[None], BEHIND[None], moment_s=moment_s)
+        assert lines.probability[0] == sight.probability[0]
+        _, _, near = scene.sight_within([BEFORE], [BEHIND], 50.0, moment_s=moment_s)
+        assert near.probability[0] == sight.probability[0]
+
+
+def test_stamps_may_come_in_any_order():
+    forward, backward = Scene(), Scene()
+    scans = [street_scan(boxes=WITH_CAR if n < 3 else BOXES, seed=n, **COARSE) for n in range(6)]
+    for n in range(6):
+        forward.add(scans[n], None, 0.5 * n)
+    for n in reversed(range(6)):
+        backward.add(scans[n], None, 0.5 * n)
+    for moment_s in (0.1, 2.4):
+        one, other = (
+            scene.sight(BEFORE, BEHIND[None], moment_s=moment_s) for scene in (forward, backward)
+        )
+        assert one.state[0] == other.state[0]
+        assert one.probability[0] == pytest.approx(other.probability[0], abs=1e-12)
+
+
 def test_a_second_pose_sees_behind_what_hid_from_the_first():
     a, b = np.array([12.0, 2.0, -0.8]), np.array([12.0, 6.5, -0.8])  # behind the first parked car
     scene = Scene()

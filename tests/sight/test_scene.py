@@ -159,6 +159,23 @@ def test_settings_out_of_range_are_refused():
         Scene.from_scan(street_scan()).sight_within([[0.0, 0, 0]], [[1.0, 0, 0]], np.nan)
 
 
+def test_a_moment_needs_to_know_when_each_scan_was_taken():
+    scene = Scene()
+    scene.add(street_scan(), None, 3.0)
+    assert scene.sight([0.0, 0, 0], [[1.0, 0, 0]], moment_s=3.5).state[0] == VISIBLE
+    scene.add(street_scan(seed=1))
+    assert scene.stamps_s[0] == 3.0
+    assert np.isnan(scene.stamps_s[1])
+    with pytest.raises(SceneError, match="when each scan was taken"):
+        scene.sight([0.0, 0, 0], [[1.0, 0, 0]], moment_s=3.5)
+    with pytest.raises(SettingsError, match="stamp_s"):
+        scene.add(street_scan(), None, np.nan)
+    timed = Scene()
+    timed.add(street_scan(), None, 0.0)
+    with pytest.raises(SettingsError, match="moment_s"):
+        timed.sight([0.0, 0, 0], [[1.0, 0, 0]], moment_s=np.inf)
+
+
 @pytest.mark.parametrize(
     "scan",
     [

@@ -50,6 +50,8 @@ def sight(
     named = start if start in ("camera", "sensor") else None
     from_point = None if named else options.coordinates(start, "--from")
 
+    import numpy as np
+
     from intervis.drives import open_drive
     from intervis.sight import explain
 
@@ -59,10 +61,12 @@ def sight(
     scene = remembered_scene(drive, now, asked_frames)
     remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
     show(f"{drive.name}, frame {now.number}, {remembered}; coordinates in its sensor's frame.")
-    explained = explain(scene, from_point, to_point)
+    # at the time of frame N where stamps tell it
+    moment_s = None if np.isnan(scene.stamps_s).any() else 0.0
+    explained = explain(scene, from_point, to_point, moment_s=moment_s)
     show(str(explained))
     if picture is not None:
-        _draw(picture, now, scene, from_point, to_point, explained)
+        _draw(picture, now, scene, from_point, to_point, moment_s, explained)
         show(f"Picture: {picture}")
 
 
@@ -99,13 +103,26 @@ def remembered_scene(
                 f"--frames lays scans over each other by their poses, and frame"
                 f" {number if now.pose is not None else now.number} has none."
             )
-        scene.add(other.points, inverse(now.pose) @ other.pose)
-    scene.add(now.points)
+        scene.add(other.points, inverse(now.pose) @ other.pose, _seconds_between(now, other))
+    scene.add(now.points, None, _seconds_between(now, now))
     return scene
 
 
+def _seconds_between(now: "Frame", other: "Frame") -> float | None:
+    """When a frame was taken, seconds after frame `now`; None where the drive does not say."""
+    if now.stamp_ns is None or other.stamp_ns is None:
+        return None
+    return 1e-9 * (other.stamp_ns - now.stamp_ns)
+
+
 def _draw(
-    path: Path, now: "Frame", scene: "Scene", start: Place, end: Place, explained: "Explanation"
+    path: Path,
+    now: "Frame",
+    scene: "Scene",
+    start: Place,
+    end: Place,
+    moment_s: float | None,
+    explained: "Explanation",
 ) -> None:
     import numpy as np
 
@@ -114,6 +131,6 @@ def _draw(
     from intervis.report.style import save_figure
 
     points = now.points[finite_rows(now.points)]
-    answers = scene.sight(start, points)
+    answers = scene.sight(start, points, moment_s=moment_s)
     figure = sight_from_above(points, answers, np.array(start), explained, np.array(end))
     save_figure(figure, path)

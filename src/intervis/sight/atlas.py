@@ -18,7 +18,9 @@ class Memory(NamedTuple):
     """Charts of S scans, oldest first, laid out for kernels.
 
     `cells` holds each scan's chart, column after column, from `offset` on; `sensor_from_scene` is
-    (S, 3, 4); `position` (S, 3) are the sensors' places in the scene; `ground` is (S, G, G).
+    (S, 3, 4); `position` (S, 3) are the sensors' places in the scene; `ground` is (S, G, G);
+    `age_m` is how much farther away each scan counts for having been taken at another time, and
+    `later_s` how long after the moment asked about: 0 and NaN where none is asked about.
     """
 
     cells: Int16Array
@@ -31,13 +33,16 @@ class Memory(NamedTuple):
     sensor_from_scene: Float64Array
     position: Float64Array
     ground: Float32Array
+    age_m: Float64Array
+    later_s: Float64Array
 
 
 @kernel
 def choose_scans(
-    position: Float64Array, a: Float64Array, b: Float64Array, chosen: IntArray, rank: Float64Array
+    memory: Memory, a: Float64Array, b: Float64Array, chosen: IntArray, rank: Float64Array
 ) -> None:
     """The scans with a say about one line, nearest first, newest first among equals."""
+    position = memory.position
     count = 0
     for k in range(len(position) - 1, -1, -1):
         to_a = 0.0
@@ -45,7 +50,7 @@ def choose_scans(
         for axis in range(3):
             to_a += (a[axis] - position[k, axis]) ** 2
             to_b += (b[axis] - position[k, axis]) ** 2
-        away = np.floor(np.sqrt(min(to_a, to_b)) / NEAR_M)
+        away = np.floor((np.sqrt(min(to_a, to_b)) + memory.age_m[k]) / NEAR_M)
         if count < len(chosen):
             count += 1
         elif not away < rank[count - 1]:

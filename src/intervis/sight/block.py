@@ -69,7 +69,7 @@ def new_block(memory: Memory, model: Model) -> Block:
 
 @kernel
 def lay_out(
-    position: Float64Array,
+    memory: Memory,
     first: Float64Array,
     second: Float64Array,
     begin: int,
@@ -95,9 +95,9 @@ def lay_out(
         line[FIRST], line[STEP], line[PIECE] = skipped + 0.5, 1.0 / pieces, piece
         span[0], span[1], span[2] = at, at + marks, at + (marks + EIGHT - 1) // EIGHT * EIGHT
         chosen[count, 0], line[ACROSS] = 0, 0.0
-        if len(position) > 1:
-            choose_scans(position, a, b, chosen[count], rank)
-            line[ACROSS] = scan_across(position, a, b, chosen[count], line[WAY : WAY + 3])
+        if len(memory.position) > 1:
+            choose_scans(memory, a, b, chosen[count], rank)
+            line[ACROSS] = scan_across(memory, a, b, chosen[count], line[WAY : WAY + 3])
         at = span[2]
         count += 1
     return count

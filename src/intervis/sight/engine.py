@@ -58,7 +58,7 @@ from intervis.sight.block import (
 from intervis.sight.chart import TURN, Int16Array, turn_of
 from intervis.sight.evidence import MODEL, NOISE, Model
 from intervis.sight.ground import CELL_M, CELLS
-from intervis.sight.moved import has_changed, stood_here
+from intervis.sight.moved import ALONE, NONE, has_changed, has_left, stood_here
 
 
 class Findings(NamedTuple):
@@ -171,7 +171,7 @@ def _keep_depths(
     """Keep how deep the marks lie behind the surface of the n-th scan, where that is asked for."""
     for i in range(count):
         across = int(lines[i, ACROSS])
-        if across == 0 or (n > 0 and n != across):
+        if across == NONE or (n > 0 and n != across):
             continue
         begin, end = span[i, 0], span[i, 2]
         kept = marks[BY_NEAREST if n == 0 else BY_ACROSS, begin:end]
@@ -203,7 +203,12 @@ def _follow(
         line, a, b = block.lines[i], first[begin + i], second[begin + i]
         from_mark, to_mark = block.span[i, 0], block.span[i, 1]
         marks[MOVED, from_mark : block.span[i, 2]] = 0.0
-        if line[ACROSS] == 0.0:
+        if line[ACROSS] == NONE:
+            continue
+        if line[ACROSS] == ALONE:
+            for m in range(from_mark, to_mark):
+                if has_left(marks[BY_NEAREST, m], marks[HEIGHT, m], model):
+                    marks[MOVED, m] = -1.0
             continue
         near, across = block.chosen[i, 0], block.chosen[i, int(line[ACROSS])]
         for m in range(from_mark, to_mark):
@@ -352,7 +357,7 @@ def judge_some(
     scans = block.chosen.shape[1]
     at = 0
     while at < len(first):
-        count = lay_out(memory.position, first, second, at, model, block)
+        count = lay_out(memory, first, second, at, model, block)
         in_all = span[count - 1, 2]
         marks[ODDS, :in_all] = 0.0
         marks[GAP, :in_all] = np.inf

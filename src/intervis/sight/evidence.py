@@ -18,14 +18,19 @@ beside what the height above ground alone makes of it:
 
 Things move between scans. Two scans tell where they stood in between: the nearest one, and the
 nearest beyond the line's end, so that the sensor passed that end on its way from one to the other,
-after a `share` of it. A mark that one of them saw filled (d from `SURFACE_FROM_M` to
-`CHANGED_TO_M`) and the other saw through (d < `CHANGED_FROM_M`) has changed: something left, or
-came. What stood at p in the one scan and at q in the other was at p + share (q - p) when the
-sensor passed. So the mark is filled, odds >= `MOVED_HERE`, where it lies between such a p and q on
-a line along the sensor's way, up to `MOVED_REACH_M` apart: each at a surface of its own scan, one
-of them at least seen through by the other. If there are none, it has been left or not yet been
-reached: odds <= `MOVED_AWAY`. Marks nearer to the ground than `CHANGED_LOW_M` or higher than
-`CHANGED_HIGH_M` are left alone, and so is all where no scan lies across.
+after a `share` of it. Where a moment is asked about, each second between it and a scan counts as
+`AGE_M_PER_S` metres more to that scan; the other scan is the nearest taken on the other side of
+the moment, and `share` is that of the time between the two.
+
+A mark that one of the two saw filled (d from `SURFACE_FROM_M` to `CHANGED_TO_M`) and the other saw
+through (d < `CHANGED_FROM_M`) has changed: something left, or came. What stood at p in the one
+scan and at q in the other was at p + share (q - p) at that time. So the mark is filled, odds >=
+`MOVED_HERE`, where it lies between such a p and q on a line along the sensor's way, up to
+`MOVED_REACH_M` apart: each at a surface of its own scan, one of them at least seen through by the
+other. If there are none, it has been left or not yet been reached: odds <= `MOVED_AWAY`. Marks
+nearer to the ground than `CHANGED_LOW_M` or higher than `CHANGED_HIGH_M` are left alone, and so is
+all where no scan lies across; but if a moment is asked about that lies before or after all scans,
+or at one of them, then what the nearest one saw through is free: odds <= `MOVED_AWAY`.
 
 A filled mark stops the line with `RATE_PER_M` per metre:
 
@@ -71,6 +76,8 @@ SCANS = 6
 """So many scans have a say about one line: those nearest to one of its ends."""
 FADE = 0.6
 """Each further scan's say is this share of the one before."""
+AGE_M_PER_S = 20.0
+"""Of a scan taken before or after the moment asked about, each second counts as such a distance."""
 REPEAT = 0.3
 """How much of what a further scan says is taken as repetition, from 0 (nothing) to 1 (all)."""
 RATE_PER_M = 1.31

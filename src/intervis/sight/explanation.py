@@ -45,15 +45,17 @@ class Explanation:
         return self.text
 
 
-def explain(scene: Scene, viewpoint: ArrayLike, target: ArrayLike) -> Explanation:
-    """Explain one sight line through a scene.
+def explain(
+    scene: Scene, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None
+) -> Explanation:
+    """Explain one sight line through a scene, at a moment or at none; see `Scene.sight`.
 
     Raises
     ------
     PointsError
         An end is not three finite numbers.
     SceneError
-        The scene holds no scan.
+        The scene holds no scan; a moment is asked about and a scan has no stamp.
 
     Examples
     --------
@@ -64,7 +66,8 @@ def explain(scene: Scene, viewpoint: ArrayLike, target: ArrayLike) -> Explanatio
     """
     start = checked_point(viewpoint, "viewpoint")
     end = checked_point(target, "target")
-    return in_words(start, end, scene.sight(start, end[None]), scene.unknown_length(start, end))
+    sight = scene.sight(start, end[None], moment_s=moment_s)
+    return in_words(start, end, sight, scene.unknown_length(start, end, moment_s=moment_s))
 
 
 def in_words(start: Float64Array, end: Float64Array, sight: Sight, unknown_m: float) -> Explanation:

@@ -8,6 +8,7 @@ from intervis.arrays import Float64Array
 from intervis.errors import SettingsError
 from intervis.sight.atlas import Memory
 from intervis.sight.chart import Chart, Int16Array
+from intervis.sight.evidence import AGE_M_PER_S
 from intervis.transform import inverse
 
 SAME_POSE = 1e-6
@@ -21,6 +22,7 @@ class _Kept:
     slot: int
     chart: Chart
     pose: Float64Array
+    stamp_s: float
 
 
 class ScanMemory:
@@ -62,7 +64,14 @@ class ScanMemory:
         """(S, 4, 4) scene_from_sensor of the scans kept, oldest first."""
         return np.array([kept.pose for kept in self._kept]).reshape(-1, 4, 4)
 
-    def add(self, chart: Chart, scene_from_sensor: Float64Array) -> None:
+    @property
+    def stamps_s(self) -> Float64Array:
+        """(S,) when the scans kept were taken, NaN where that is not known."""
+        return np.array([kept.stamp_s for kept in self._kept])
+
+    def add(
+        self, chart: Chart, scene_from_sensor: Float64Array, stamp_s: float = float("nan")
+    ) -> None:
         """Remember a scan, and forget another one if there is no room."""
         self._packed = None
         self._forget_equal(chart, scene_from_sensor)
@@ -75,7 +84,8 @@ class ScanMemory:
         slot = next(slot for slot in range(len(self._pool)) if slot not in used)
         place = self._pool[slot, : chart.cells.size].reshape(chart.cells.shape)
         place[:] = chart.cells
-        self._kept.append(_Kept(slot, replace(chart, cells=place), scene_from_sensor))
+        kept_chart = replace(chart, cells=place)
+        self._kept.append(_Kept(slot, kept_chart, scene_from_sensor, stamp_s))
 
     def _forget_equal(self, chart: Chart, pose: Float64Array) -> None:
         for at, kept in enumerate(self._kept):
@@ -105,7 +115,7 @@ class ScanMemory:
                 image = kept.chart.cells
                 place = pool[slot, : image.size].reshape(image.shape)
                 place[:] = image
-                self._kept[slot] = _Kept(slot, replace(kept.chart, cells=place), kept.pose)
+                self._kept[slot] = replace(kept, slot=slot, chart=replace(kept.chart, cells=place))
             self._pool = pool
 
     def packed(self) -> Memory:
@@ -124,5 +134,12 @@ class ScanMemory:
                 sensor_from_scene=np.array([inverse(pose)[:3] for pose in poses]),
                 position=np.ascontiguousarray(poses[:, :3, 3]),
                 ground=np.array([chart.ground_m for chart in charts]),
+                age_m=np.zeros(len(charts)),
+                later_s=np.full(len(charts), np.nan),
             )
         return self._packed
+
+    def packed_at(self, moment_s: float) -> Memory:
+        """The scans as the engine reads them when it is asked about a moment."""
+        later_s = self.stamps_s - moment_s
+        return self.packed()._replace(age_m=AGE_M_PER_S * np.abs(later_s), later_s=later_s)

@@ -1,4 +1,4 @@
-"""Things that move: where they stood between two scans, when the sensor passed a line's end.
+"""Things that move: where they stood between two scans, at the moment that is asked about.
 
 The rule is stated in `evidence`.
 """
@@ -10,35 +10,49 @@ from intervis.kernels import kernel
 from intervis.sight.atlas import Memory, depth_at
 from intervis.sight.evidence import Model
 
+NONE, ALONE = 0, -1
 LEAST_WAY_M = 0.5
 """Two scans nearer together than this tell no direction."""
 
 
 @kernel
 def scan_across(
-    position: Float64Array, a: Float64Array, b: Float64Array, chosen: IntArray, way: Float64Array
+    memory: Memory, a: Float64Array, b: Float64Array, chosen: IntArray, way: Float64Array
 ) -> int:
-    """Rank of the scan across: nearest of those beyond the line's end as the nearest scan sees it.
+    """Rank of the scan across: the nearest one on the other side of the moment.
 
-    `way` becomes the direction (x, y) from the nearest scan to that one, and the share of that way
-    at which the sensor passed the end. 0 where there is none.
+    `NONE` where there is none, `ALONE` where a moment is asked about that no other scan lies
+    beyond: the nearest one has the last word.
+
+    Where no moment is asked about, that is when the sensor passed the line's end that the nearest
+    scan is closer to. `way` becomes the direction (x, y) from the nearest scan to the one across,
+    and the share of the way, or of the time, that had gone by at that moment.
     """
-    near = position[chosen[0]]
+    near = memory.position[chosen[0]]
     to_a = (a[0] - near[0]) ** 2 + (a[1] - near[1]) ** 2 + (a[2] - near[2]) ** 2
     to_b = (b[0] - near[0]) ** 2 + (b[1] - near[1]) ** 2 + (b[2] - near[2]) ** 2
     end = a if to_a <= to_b else b
     u, v = end[0] - near[0], end[1] - near[1]
+    later_s = memory.later_s[chosen[0]]
+    timed = not np.isnan(later_s)
     for n in range(1, len(chosen)):
-        far = position[chosen[n]]
-        if (far[0] - end[0]) * u + (far[1] - end[1]) * v > 0.0:
+        far = memory.position[chosen[n]]
+        if timed:
+            beyond = later_s * memory.later_s[chosen[n]] < 0.0
+        else:
+            beyond = (far[0] - end[0]) * u + (far[1] - end[1]) * v > 0.0
+        if beyond:
             p, q = far[0] - near[0], far[1] - near[1]
             length = np.sqrt(p * p + q * q)
             if length < LEAST_WAY_M:
-                return 0
+                return NONE
             way[0], way[1] = p / length, q / length
-            way[2] = min(max((u * way[0] + v * way[1]) / length, 0.0), 1.0)
+            if timed:
+                way[2] = later_s / (later_s - memory.later_s[chosen[n]])
+            else:
+                way[2] = min(max((u * way[0] + v * way[1]) / length, 0.0), 1.0)
             return n
-    return 0
+    return ALONE if timed else NONE
 
 
 @kernel
@@ -48,6 +62,13 @@ def has_changed(one: float, other: float, height_m: float, model: Model) -> bool
     deep = max(one, other)  # no number where either scan saw nothing: then not changed
     filled = model.surface_from_m <= deep <= model.changed_to_m
     return bool(through and filled and model.changed_low_m <= height_m <= model.changed_high_m)
+
+
+@kernel
+def has_left(depth_m: float, height_m: float, model: Model) -> bool:
+    """Whether the scan nearest to the moment saw through a mark, at a height of traffic."""
+    at_height = model.changed_low_m <= height_m <= model.changed_high_m
+    return bool(at_height and depth_m < model.changed_from_m)
 
 
 @kernel

@@ -102,7 +102,7 @@ def _chosen_scans(memory: Memory, a: Float64Array, b: Float64Array) -> list[int]
     """Indices of the scans with a say: by distance to the nearer end, newest first among equals."""
     to_a = np.linalg.norm(memory.position - a, axis=1)
     to_b = np.linalg.norm(memory.position - b, axis=1)
-    away = np.floor(np.minimum(to_a, to_b) / NEAR_M)
+    away = np.floor((np.minimum(to_a, to_b) + memory.age_m) / NEAR_M)
     newest_first = sorted(range(len(away)), key=lambda k: (away[k], -k))
     return newest_first[: model.SCANS]
 
@@ -120,25 +120,32 @@ def _moved(
     near = memory.position[scans[0], :2]
     ends = sorted((a, b), key=lambda end: float(np.sum((end - memory.position[scans[0]]) ** 2)))
     end = ends[0][:2]
-    beyond = [
-        n for n in range(1, len(scans)) if (memory.position[scans[n], :2] - end) @ (end - near) > 0
-    ]
+    later_s = memory.later_s[scans]
+    if np.isnan(later_s[0]):
+        far = memory.position[scans, :2]
+        beyond = [n for n in range(1, len(scans)) if (far[n] - end) @ (end - near) > 0]
+    else:
+        beyond = [n for n in range(1, len(scans)) if later_s[0] * later_s[n] < 0]
     nothing = np.zeros(len(marks), bool)
+    at_height = _within(height, model.CHANGED_LOW_M, model.CHANGED_HIGH_M)
     if not beyond:
-        return nothing, nothing
+        timed = len(scans) > 1 and not np.isnan(later_s[0])
+        return nothing, at_height & (depths[0] < model.CHANGED_FROM_M) & timed
     across = scans[beyond[0]]
     length = float(np.linalg.norm(memory.position[across, :2] - near))
     if length < LEAST_WAY_M:
         return nothing, nothing
     way = np.append((memory.position[across, :2] - near) / length, 0.0)
     share = float(np.clip((end - near) @ way[:2] / length, 0.0, 1.0))
+    if not np.isnan(later_s[0]):
+        share = later_s[0] / (later_s[0] - later_s[beyond[0]])
 
     both = np.array([depths[0], depths[beyond[0]]])
     with np.errstate(invalid="ignore"):
         changed = (both.min(axis=0) < model.CHANGED_FROM_M) & _within(
             both.max(axis=0), model.SURFACE_FROM_M, model.CHANGED_TO_M
         )
-    changed &= _within(height, model.CHANGED_LOW_M, model.CHANGED_HIGH_M)
+    changed &= at_height
     here = nothing.copy()
     reach = np.arange(0.5 * model.MOVED_STEP_M, model.MOVED_REACH_M, model.MOVED_STEP_M)
     for moved_m in np.concatenate([-reach, reach]):

@@ -112,7 +112,14 @@ class Scene:
         """(S, 4, 4) poses of the scans remembered, oldest first."""
         return self._memory.poses
 
-    def add(self, points: ArrayLike, pose: ArrayLike | None = None) -> None:
+    @property
+    def stamps_s(self) -> Float64Array:
+        """(S,) when they were taken, seconds; NaN where that was not said."""
+        return self._memory.stamps_s
+
+    def add(
+        self, points: ArrayLike, pose: ArrayLike | None = None, stamp_s: float | None = None
+    ) -> None:
         """Remember a scan; non-finite returns are left out.
 
         Parameters
@@ -121,6 +128,8 @@ class Scene:
             In the sensor's frame: sensor at the origin, x forward, y left, z up, metres.
         pose : (4, 4) array or None
             world_from_velo: the scene's frame is the world's. None: it is the sensor's.
+        stamp_s : float or None
+            When the scan was taken, seconds from any start; see `moment_s` of `sight`.
 
         Raises
         ------
@@ -128,13 +137,16 @@ class Scene:
             Wrong shape or type.
         PoseError
             No rigid motion.
+        SettingsError
+            The stamp is not finite.
         """
         xyz = checked_points(np.asarray(points))
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         finite = finite_rows(xyz)
         kept = xyz if finite.all() else xyz[finite]
         sensor = sensor_of_scan(kept) if self.sensor is None else self.sensor
-        self._memory.add(chart_of(kept, sensor), scene_from_sensor)
+        stamp = np.nan if stamp_s is None else _finite_time("stamp_s", stamp_s)
+        self._memory.add(chart_of(kept, sensor), scene_from_sensor, stamp)
 
     def sight(
         self,
@@ -143,6 +155,7 @@ class Scene:
         *,
         max_range_m: float | None = None,
         visible_from: float = VISIBLE_FROM,
+        moment_s: float | None = None,
     ) -> Sight:
         """Which targets are visible from a viewpoint, or from each of many.
 
@@ -157,6 +170,10 @@ class Scene:
         visible_from : float
             Least probability at which a line is called visible. More caution leaves more lines
             unknown, and fewer wrong ones visible.
+        moment_s : float or None
+            When the lines are to be seen along, in the time of the scans' stamps: scans taken
+            near that moment count most. None: at no moment in particular, as on a map; scans
+            taken near the line count most.
 
         Returns
         -------
@@ -168,15 +185,15 @@ class Scene:
         PointsError
             Wrong shape or type, or a viewpoint that is not finite.
         SceneError
-            The scene holds no scan.
+            The scene holds no scan; a moment is asked about and a scan has no stamp.
         SettingsError
-            `visible_from` is no probability.
+            `visible_from` is no probability, or `moment_s` is not finite.
         """
         if not 0.0 <= visible_from <= 1.0:
             raise SettingsError(f"visible_from is a probability, got {visible_from}.")
         from_points, to_points = _viewpoints(viewpoint), _targets(targets)
         found = answer_lines(
-            self._packed(),
+            self._packed(moment_s),
             from_points,
             to_points,
             paired=False,
@@ -191,7 +208,9 @@ class Scene:
             found.clearance.reshape(shape),
         )
 
-    def sight_lines(self, starts: ArrayLike, ends: ArrayLike) -> Sight:
+    def sight_lines(
+        self, starts: ArrayLike, ends: ArrayLike, *, moment_s: float | None = None
+    ) -> Sight:
         """Sight lines given by their two ends, (L, 3) each, scene frame; a Sight of shape (L,).
 
         Raises
@@ -208,10 +227,15 @@ class Scene:
                 f"each line needs two ends, got {len(from_points)} starts and"
                 f" {len(to_points)} ends."
             )
-        return Sight(*answer_lines(self._packed(), from_points, to_points, paired=True))
+        return Sight(*answer_lines(self._packed(moment_s), from_points, to_points, paired=True))
 
     def sight_within(
-        self, viewpoints: ArrayLike, targets: ArrayLike, max_range_m: float
+        self,
+        viewpoints: ArrayLike,
+        targets: ArrayLike,
+        max_range_m: float,
+        *,
+        moment_s: float | None = None,
     ) -> tuple[IntArray, IntArray, Sight]:
         """Only the lines of many viewpoints and targets that are short enough.
 
@@ -233,17 +257,33 @@ class Scene:
         row, column = found["i"].astype(np.int64), finite[found["j"]].astype(np.int64)
         order = np.lexsort((column, row))
         row, column = row[order], column[order]
-        return row, column, self.sight_lines(from_points[row], to_points[column])
+        starts, ends = from_points[row], to_points[column]
+        return row, column, self.sight_lines(starts, ends, moment_s=moment_s)
 
-    def unknown_length(self, viewpoint: ArrayLike, target: ArrayLike) -> float:
+    def unknown_length(
+        self, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None
+    ) -> float:
         """Metres of one line that no scan saw, its last 0.4 m at either end left aside."""
         first, second = _ordered(checked_point(viewpoint)[None], checked_point(target)[None])
-        return float(judge_lines(self._packed(), first, second).unknown_m[0])
+        return float(judge_lines(self._packed(moment_s), first, second).unknown_m[0])
 
-    def _packed(self) -> Memory:
+    def _packed(self, moment_s: float | None = None) -> Memory:
         if len(self._memory) == 0:
             raise SceneError("the scene holds no scan: call scene.add(points, pose) first.")
-        return self._memory.packed()
+        if moment_s is None:
+            return self._memory.packed()
+        if np.isnan(self._memory.stamps_s).any():
+            raise SceneError(
+                "moment_s needs to know when each scan was taken: call"
+                " scene.add(points, pose, stamp_s)."
+            )
+        return self._memory.packed_at(_finite_time("moment_s", moment_s))
+
+
+def _finite_time(name: str, seconds: float) -> float:
+    if not np.isfinite(seconds):
+        raise SettingsError(f"{name} must be a finite number of seconds, got {seconds}.")
+    return float(seconds)
 
 
 def _viewpoints(viewpoint: ArrayLike) -> Float64Array:

@@ -38,6 +38,9 @@ def evaluate_held_out(
 ) -> Evaluation:
     """Judge lines of sight through a drive by returns that the method does not see.
 
+    Where the drive says when its frames were taken, the method is asked about the moment of
+    scan j, and so it is in `evaluate_world` about the moment of the frame asked about.
+
     Parameters
     ----------
     drive : Drive
@@ -188,7 +191,7 @@ def _held_out_questions(drive: Drive, pairs: Pairs, protocol: Protocol) -> Quest
         numbers = _nearest(frames_to_see(protocol, poses, i, j), poses, poses[j], i)
         yield Question(
             f"{i}:{j}",
-            _seen(numbers, poses, scan_of, i, j),
+            _seen(drive, numbers, poses, scan_of, i, j),
             poses[j][:3, 3].copy(),
             transform(poses[i], scan_of(i)[judgement.index]),
             judgement.visible,
@@ -211,11 +214,12 @@ def _world_questions(
             "map": tuple(sorted(poses)),
         }[protocol]
         nearest = _nearest(others, poses, poses[number], number)
-        seen = _seen(nearest, poses, scan_of, number, number)
+        seen = _seen(drive, nearest, poses, scan_of, number, number)
         yield from exact.questions(seen, caster_of(triangles_at(number)), sampling)
 
 
 def _seen(
+    drive: Drive,
     numbers: Sequence[int],
     poses: Mapping[int, Float64Array],
     scan_of: Callable[[int], Float32Array],
@@ -228,7 +232,17 @@ def _seen(
         tuple(poses[number] for number in numbers),
         i,
         j,
+        _stamps_s(drive.stamps_ns, numbers, j),
     )
+
+
+def _stamps_s(
+    stamps_ns: Mapping[int, int], numbers: Sequence[int], moment: int
+) -> tuple[float, ...] | None:
+    """Seconds from frame `moment` to each of the frames, None where one of them has no stamp."""
+    if any(number not in stamps_ns for number in (moment, *numbers)):
+        return None
+    return tuple(1e-9 * (stamps_ns[number] - stamps_ns[moment]) for number in numbers)
 
 
 def _nearest(

@@ -62,10 +62,11 @@ def _ask_scene(seen: Seen, viewpoint: Float64Array, targets: Float64Array) -> An
 
     start = perf_counter()
     scene = Scene()
-    for scan, pose in zip(seen.scans, seen.poses, strict=True):
-        scene.add(scan, pose)
+    stamps_s = seen.stamps_s or (None,) * len(seen.scans)
+    for scan, pose, stamp_s in zip(seen.scans, seen.poses, stamps_s, strict=True):
+        scene.add(scan, pose, stamp_s)
     ready = perf_counter()
-    sight = scene.sight(viewpoint, targets)
+    sight = scene.sight(viewpoint, targets, moment_s=None if seen.stamps_s is None else 0.0)
     done = perf_counter()
     probability = np.asarray(sight.probability, dtype=np.float64)
     return Answers(probability, np.asarray(sight.state), ready - start, done - ready)

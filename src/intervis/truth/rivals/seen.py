@@ -25,6 +25,9 @@ class Seen:
         Number of the frame whose points are asked about.
     viewpoint_number : int
         Number of the (hidden) frame at the viewpoint.
+    stamps_s : tuple of float or None
+        When each was taken, seconds after the moment that is asked about (before it: negative);
+        None where the drive does not say.
     """
 
     numbers: tuple[int, ...]
@@ -32,6 +35,7 @@ class Seen:
     poses: tuple[Float64Array, ...]
     asked: int
     viewpoint_number: int
+    stamps_s: tuple[float, ...] | None = None
 
     @cached_property
     def points_world(self) -> Float64Array:
@@ -67,4 +71,5 @@ class Seen:
             tuple(self.poses[k] for k in kept),
             self.asked,
             self.viewpoint_number,
+            self.stamps_s and tuple(self.stamps_s[k] for k in kept),
         )
