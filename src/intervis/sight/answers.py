@@ -16,7 +16,7 @@ from intervis.sight.engine import (
     odds_table_of,
 )
 from intervis.sight.evidence import MODEL, Model
-from intervis.sight.meeting import meet_surface, new_sketch
+from intervis.sight.meeting import meet_surface
 
 VISIBLE, OCCLUDED, UNKNOWN = 1, 0, -1
 _AT_ONCE = 256
@@ -106,7 +106,7 @@ def _answer_part(
     stop: int,
     answers: Answers,
 ) -> None:
-    block, sketch = new_block(memory, model), new_sketch()
+    block, in_sensor = new_block(memory, model), np.empty((2, 3))
     first, second = np.empty((_AT_ONCE, 3)), np.empty((_AT_ONCE, 3))
     which = np.empty(_AT_ONCE, np.int64)
     values = np.empty((6, _AT_ONCE))
@@ -140,13 +140,13 @@ def _answer_part(
             answers.clearance[line] = found.clearance_m[i]
             if state == 0:
                 answers.clearance[line] = -meet_surface(
-                    memory,
-                    found.worst_scan[i],
+                    memory.cells,
+                    block.charts[found.worst_scan[i]],
                     a,
                     b,
                     length,
                     found.worst_m[i],
-                    sketch,
+                    in_sensor,
                     answers.blocker[line],
                 )
 

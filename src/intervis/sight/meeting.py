@@ -4,7 +4,16 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.kernels import kernel
-from intervis.sight.atlas import CARRIED, Memory, to_sensor
+from intervis.sight.atlas import (
+    COLUMNS,
+    OFFSET,
+    ROWS,
+    ROWS_PER_SLOPE,
+    SLOPE_FROM,
+    UNIT_M,
+    depth_at,
+    to_sensor,
+)
 from intervis.sight.chart import TURN, Int16Array, turn_of
 
 REACH_M = 1.5
@@ -13,45 +22,17 @@ STEP_M = 0.1
 FARTHEST_MISS_M = 10.0
 """A line that would have to move farther is said to miss by this much."""
 
-# What is known of a chart beside its cells.
-UNIT_M, COLUMNS, ROWS, SLOPE_FROM, ROWS_PER_SLOPE = range(5)
-
-
-@kernel
-def new_sketch() -> Float64Array:
-    """Working memory: a line's first end and its direction in a sensor's frame, and a chart."""
-    return np.empty((3, 5))
-
-
-@kernel
-def _place(chart: Float64Array, line: Float64Array, at_m: float) -> tuple[float, float, int]:
-    """A place on the line in the chart: rho, row with its share of the next, column."""
-    u = line[0, 0] + at_m * line[1, 0]
-    v = line[0, 1] + at_m * line[1, 1]
-    w = line[0, 2] + at_m * line[1, 2]
-    rho = np.sqrt(u * u + v * v)
-    columns = chart[COLUMNS]
-    row = (w / rho - chart[SLOPE_FROM]) * chart[ROWS_PER_SLOPE]
-    return rho, row, int(min(turn_of(u, v) * (columns / TURN), columns - 1.0))
-
 
 @kernel
 def _depth(cells: Int16Array, chart: Float64Array, line: Float64Array, at_m: float) -> float:
     """How deep a place on the line lies behind the surface; NaN where none was seen."""
-    rho, f, column = _place(chart, line, at_m)
-    rows = int(chart[ROWS])
-    if not (0.0 <= f < rows - 1.0):
-        return np.nan
-    row = int(f)
-    f -= row
-    low = abs(float(cells[column * rows + row]))
-    high = abs(float(cells[column * rows + row + 1]))
-    surface = high if f >= 0.5 else low
-    if surface == 0.0:
-        return np.nan
-    if abs(low - high) < CARRIED * min(low, high):
-        surface = low + (high - low) * f
-    return float(rho - surface * chart[UNIT_M])
+    return depth_at(
+        cells,
+        chart,
+        line[0, 0] + at_m * line[1, 0],
+        line[0, 1] + at_m * line[1, 1],
+        line[0, 2] + at_m * line[1, 2],
+    )
 
 
 @kernel
@@ -84,8 +65,14 @@ def _crossing(
 @kernel
 def _miss(cells: Int16Array, chart: Float64Array, line: Float64Array, at_m: float) -> float:
     """Shortest way out from behind the surface: upwards, downwards or to either side."""
-    rho, place, c = _place(chart, line, at_m)
+    u = line[0, 0] + at_m * line[1, 0]
+    v = line[0, 1] + at_m * line[1, 1]
+    w = line[0, 2] + at_m * line[1, 2]
+    rho = np.sqrt(u * u + v * v)
     rows, columns = int(chart[ROWS]), int(chart[COLUMNS])
+    place = (w / rho - chart[SLOPE_FROM]) * chart[ROWS_PER_SLOPE]
+    c = int(min(turn_of(u, v) * (chart[COLUMNS] / TURN), chart[COLUMNS] - 1.0))
+    at = int(chart[OFFSET])
     if not (0.0 <= place + 0.5 < rows):
         return 0.0
     r = int(place + 0.5)
@@ -99,7 +86,7 @@ def _miss(cells: Int16Array, chart: Float64Array, line: Float64Array, at_m: floa
             column = c + n if way == 2 else (c - n if way == 3 else c)
             if not 0 <= row < rows:
                 break
-            here = abs(float(cells[(column % columns) * rows + row]))
+            here = abs(float(cells[at + (column % columns) * rows + row]))
             if here == 0.0 or here > units:
                 least = n * step
                 break
@@ -109,28 +96,25 @@ def _miss(cells: Int16Array, chart: Float64Array, line: Float64Array, at_m: floa
 
 @kernel
 def meet_surface(
-    memory: Memory,
-    k: int,
+    cells: Int16Array,
+    chart: Float64Array,
     a: Float64Array,
     b: Float64Array,
     length: float,
     worst_m: float,
-    sketch: Float64Array,
+    line: Float64Array,
     blocker: Float64Array,
 ) -> float:
-    """Write where a blocked line meets scan k's surface; return by how much it misses the gap.
+    """Write where a blocked line meets a scan's surface; return by how much it misses the gap.
 
     The miss is measured at the mark that is most likely filled, `worst_m` from `a`, across the
     beam of the scan that saw the surface: the least shift up, down or sideways after which that
-    scan saw farther, or saw nothing.
+    scan saw farther, or saw nothing. `chart` is that scan's row of the atlas's index, `line`
+    (2, 3) working memory: the line's first end and its direction in the sensor's frame.
     """
-    line, chart = sketch[:2], sketch[2]
-    to_sensor(memory.sensor_from_scene[k], a, b, line[0], line[1])
+    to_sensor(chart, a, b, line[0], line[1])
     for axis in range(3):
         line[1, axis] /= length
-    chart[UNIT_M], chart[COLUMNS], chart[ROWS] = memory.unit_m[k], memory.columns[k], memory.rows[k]
-    chart[SLOPE_FROM], chart[ROWS_PER_SLOPE] = memory.slope_from[k], memory.rows_per_slope[k]
-    cells = memory.cells[memory.offset[k] :]
     share = _crossing(cells, chart, line, length, worst_m) / length
     for axis in range(3):
         blocker[axis] = a[axis] + share * (b[axis] - a[axis])

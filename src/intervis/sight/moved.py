@@ -7,98 +7,123 @@ import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
-from intervis.sight.atlas import Memory, depth_at
+from intervis.sight.atlas import FROM_SCENE, depth_at
+from intervis.sight.block import ACROSS, BY_ACROSS, BY_NEAREST, HEIGHT, MOVED, WAY
+from intervis.sight.chart import Int16Array
 from intervis.sight.evidence import Model
 
 NONE, ALONE = 0, -1
+CHANGED, HERE, GONE = 2.0, 1.0, -1.0
+"""Two scans saw a mark differently; something that moved stood there; it has gone or not come."""
 LEAST_WAY_M = 0.5
 """Two scans nearer together than this tell no direction."""
 
 
 @kernel
-def scan_across(
-    memory: Memory, a: Float64Array, b: Float64Array, chosen: IntArray, way: Float64Array
-) -> int:
-    """Rank of the scan across: the nearest one on the other side of the moment.
+def find_across(
+    position: Float64Array,
+    times_s: Float64Array,
+    first: Float64Array,
+    second: Float64Array,
+    chosen: IntArray,
+    lines: Float64Array,
+) -> None:
+    """Rank of the scan across each line: the nearest one on the other side of the moment.
 
     `NONE` where there is none, `ALONE` where a moment is asked about that no other scan lies
     beyond: the nearest one has the last word.
 
     Where no moment is asked about, that is when the sensor passed the line's end that the nearest
-    scan is closer to. `way` becomes the direction (x, y) from the nearest scan to the one across,
-    and the share of the way, or of the time, that had gone by at that moment.
+    scan is closer to. The line's `WAY` becomes the direction (x, y) from the nearest scan to the
+    one across, and the share of the way, or of the time, that had gone by at that moment.
     """
-    near = memory.position[chosen[0]]
-    to_a = (a[0] - near[0]) ** 2 + (a[1] - near[1]) ** 2 + (a[2] - near[2]) ** 2
-    to_b = (b[0] - near[0]) ** 2 + (b[1] - near[1]) ** 2 + (b[2] - near[2]) ** 2
-    end = a if to_a <= to_b else b
-    u, v = end[0] - near[0], end[1] - near[1]
-    later_s = memory.later_s[chosen[0]]
-    timed = not np.isnan(later_s)
-    for n in range(1, len(chosen)):
-        far = memory.position[chosen[n]]
-        if timed:
-            beyond = later_s * memory.later_s[chosen[n]] < 0.0
-        else:
-            beyond = (far[0] - end[0]) * u + (far[1] - end[1]) * v > 0.0
-        if beyond:
-            p, q = far[0] - near[0], far[1] - near[1]
-            length = np.sqrt(p * p + q * q)
-            if length < LEAST_WAY_M:
-                return NONE
-            way[0], way[1] = p / length, q / length
-            if timed:
-                way[2] = later_s / (later_s - memory.later_s[chosen[n]])
-            else:
-                way[2] = min(max((u * way[0] + v * way[1]) / length, 0.0), 1.0)
-            return n
-    return ALONE if timed else NONE
+    for i in range(len(first)):
+        k = chosen[i, 0]
+        x, y, z, later_s = position[k, 0], position[k, 1], position[k, 2], times_s[k]
+        a0, a1, a2 = first[i, 0], first[i, 1], first[i, 2]
+        b0, b1, b2 = second[i, 0], second[i, 1], second[i, 2]
+        to_a = (a0 - x) ** 2 + (a1 - y) ** 2 + (a2 - z) ** 2
+        to_b = (b0 - x) ** 2 + (b1 - y) ** 2 + (b2 - z) ** 2
+        end_x, end_y = a0 if to_a <= to_b else b0, a1 if to_a <= to_b else b1
+        u, v = end_x - x, end_y - y
+        timed = not np.isnan(later_s)
+        across = 0
+        for n in range(chosen.shape[1] - 1, 0, -1):
+            k = chosen[i, n]
+            ahead = (position[k, 0] - end_x) * u + (position[k, 1] - end_y) * v
+            across = n if (-later_s * times_s[k] if timed else ahead) > 0.0 else across
+        k = chosen[i, across]
+        p, q = position[k, 0] - x, position[k, 1] - y
+        length = np.sqrt(p * p + q * q)
+        to_x, to_y = p / length, q / length
+        way_gone = min(max((u * to_x + v * to_y) / length, 0.0), 1.0)
+        lines[i, WAY], lines[i, WAY + 1] = to_x, to_y
+        lines[i, WAY + 2] = later_s / (later_s - times_s[k]) if timed else way_gone
+        lone = ALONE if timed else NONE
+        lines[i, ACROSS] = lone if across == 0 else (NONE if length < LEAST_WAY_M else across)
 
 
 @kernel
-def has_changed(one: float, other: float, height_m: float, model: Model) -> bool:
-    """Whether one scan saw a mark filled that the other saw through, at a height of traffic."""
-    through = one < model.changed_from_m or other < model.changed_from_m
-    deep = max(one, other)  # no number where either scan saw nothing: then not changed
-    filled = model.surface_from_m <= deep <= model.changed_to_m
-    return bool(through and filled and model.changed_low_m <= height_m <= model.changed_high_m)
+def find_changed(
+    marks: Float64Array,
+    lines: Float64Array,
+    span: IntArray,
+    count: int,
+    model: Model,
+) -> None:
+    """Find the marks, at a height of traffic, that one scan saw filled and another saw through.
 
-
-@kernel
-def has_left(depth_m: float, height_m: float, model: Model) -> bool:
-    """Whether the scan nearest to the moment saw through a mark, at a height of traffic."""
-    at_height = model.changed_low_m <= height_m <= model.changed_high_m
-    return bool(at_height and depth_m < model.changed_from_m)
+    Where the scan nearest to the moment has the last word, what it saw through has been left.
+    """
+    surface_from_m, from_m, to_m = model.surface_from_m, model.changed_from_m, model.changed_to_m
+    low_m, high_m = model.changed_low_m, model.changed_high_m
+    for i in range(count):
+        begin, end = span[i, 0], span[i, 2]
+        by_nearest, by_across = marks[BY_NEAREST, begin:end], marks[BY_ACROSS, begin:end]
+        height, moved = marks[HEIGHT, begin:end], marks[MOVED, begin:end]
+        two_see = CHANGED if lines[i, ACROSS] > 0.0 else 0.0
+        one_sees = GONE if lines[i, ACROSS] == ALONE else 0.0
+        for m in range(end - begin):
+            one, other, above_m = by_nearest[m], by_across[m], height[m]
+            at_height = (above_m >= low_m) & (above_m <= high_m)
+            # no number where either scan saw nothing: then not changed
+            filled = (max(one, other) >= surface_from_m) & (max(one, other) <= to_m)
+            through = (one < from_m) | (other < from_m)
+            changed = two_see if at_height & filled & through else 0.0
+            moved[m] = one_sees if at_height & (one < from_m) & (two_see == 0.0) else changed
 
 
 @kernel
 def stood_here(
-    memory: Memory,
-    near: int,
-    across: int,
+    cells: Int16Array,
+    near: Float64Array,
+    across: Float64Array,
     x: float,
     y: float,
     z: float,
     way: Float64Array,
     model: Model,
 ) -> bool:
-    """Whether something on its way from one scan's surface to the other's stood at a point."""
+    """Whether something on its way from one scan's surface to the other's stood at a point.
+
+    `near` and `across` are the two scans' rows of the atlas's index.
+    """
     before, after = way[2], 1.0 - way[2]
-    at_near, way_near = _in_sensor(memory, near, x, y, z, way)
-    at_across, way_across = _in_sensor(memory, across, x, y, z, way)
+    at_near, way_near = _in_sensor(near, x, y, z, way)
+    at_across, way_across = _in_sensor(across, x, y, z, way)
     step = 0.5 * model.moved_step_m
     while step < model.moved_reach_m:
         for side in (-step, step):
             p, q = -side * before, side * after
-            depth = _depth(memory, near, at_near, way_near, p)
+            depth = _depth(cells, near, at_near, way_near, p)
             if not model.surface_from_m <= depth <= model.surface_to_m:
                 continue
-            depth = _depth(memory, across, at_across, way_across, q)
+            depth = _depth(cells, across, at_across, way_across, q)
             if not model.surface_from_m <= depth <= model.surface_to_m:
                 continue
             if (
-                _depth(memory, across, at_across, way_across, p) < model.changed_from_m
-                or _depth(memory, near, at_near, way_near, q) < model.changed_from_m
+                _depth(cells, across, at_across, way_across, p) < model.changed_from_m
+                or _depth(cells, near, at_near, way_near, q) < model.changed_from_m
             ):
                 return True
         step += model.moved_step_m
@@ -110,26 +135,28 @@ Vector = tuple[float, float, float]
 
 @kernel
 def _in_sensor(
-    memory: Memory, k: int, x: float, y: float, z: float, way: Float64Array
+    chart: Float64Array, x: float, y: float, z: float, way: Float64Array
 ) -> tuple[Vector, Vector]:
-    """A point of the scene and a level direction in the frame of scan k's sensor."""
-    g = memory.sensor_from_scene[k]
+    """A point of the scene and a level direction in the frame of a scan's sensor."""
+    g = chart[FROM_SCENE:]
     point = (
-        g[0, 0] * x + g[0, 1] * y + g[0, 2] * z + g[0, 3],
-        g[1, 0] * x + g[1, 1] * y + g[1, 2] * z + g[1, 3],
-        g[2, 0] * x + g[2, 1] * y + g[2, 2] * z + g[2, 3],
+        g[0] * x + g[1] * y + g[2] * z + g[3],
+        g[4] * x + g[5] * y + g[6] * z + g[7],
+        g[8] * x + g[9] * y + g[10] * z + g[11],
     )
     direction = (
-        g[0, 0] * way[0] + g[0, 1] * way[1],
-        g[1, 0] * way[0] + g[1, 1] * way[1],
-        g[2, 0] * way[0] + g[2, 1] * way[1],
+        g[0] * way[0] + g[1] * way[1],
+        g[4] * way[0] + g[5] * way[1],
+        g[8] * way[0] + g[9] * way[1],
     )
     return point, direction
 
 
 @kernel
-def _depth(memory: Memory, k: int, at: Vector, way: Vector, shift_m: float) -> float:
-    """How deep a point of scan k's frame, shifted along a direction, lies behind its surface."""
+def _depth(
+    cells: Int16Array, chart: Float64Array, at: Vector, way: Vector, shift_m: float
+) -> float:
+    """How deep a point of a scan's frame, shifted along a direction, lies behind its surface."""
     return depth_at(
-        memory, k, at[0] + shift_m * way[0], at[1] + shift_m * way[1], at[2] + shift_m * way[2]
+        cells, chart, at[0] + shift_m * way[0], at[1] + shift_m * way[1], at[2] + shift_m * way[2]
     )
