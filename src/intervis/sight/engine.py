@@ -45,7 +45,16 @@ from intervis.sight.block import (
 from intervis.sight.chart import Int16Array
 from intervis.sight.evidence import MODEL, NOISE, Model
 from intervis.sight.marks import aim, look, measure, meet, raise_above_ground, weigh, within
-from intervis.sight.moved import CHANGED, GONE, HERE, find_across, find_changed, stood_here
+from intervis.sight.moved import (
+    CHANGED,
+    GONE,
+    HERE,
+    Motion,
+    find_across,
+    find_changed,
+    motion_of,
+    stood_here,
+)
 
 
 class Findings(NamedTuple):
@@ -88,7 +97,7 @@ def _follow(
     cells: Int16Array,
     first: Float64Array,
     second: Float64Array,
-    model: Model,
+    motion: Motion,
     block: Block,
 ) -> None:
     """Decide the marks that two scans saw differently: did what moved stand there?"""
@@ -104,7 +113,7 @@ def _follow(
                 continue
             s = (m - from_mark + line[FIRST]) * line[STEP]
             x, y, z = a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2])
-            if not stood_here(cells, near, across, x, y, z, line[WAY : WAY + 3], model):
+            if not stood_here(cells, near, across, x, y, z, line[WAY : WAY + 3], motion):
                 marks[MOVED, m] = GONE
                 continue
             marks[MOVED, m] = HERE
@@ -115,27 +124,43 @@ def _follow(
 
 
 @kernel
-def _fill(
-    marks: Float64Array, places: Int32Array, count: int, model: Model, followed: bool
+def _find_places(
+    marks: Float64Array,
+    of: int,
+    places: Int32Array,
+    count: int,
+    start: float,
+    steps_per_unit: float,
+    entries: int,
 ) -> None:
-    """Turn the odds that each mark is filled into the probability."""
-    heights, shares = model.heights, model.shares
-    height_from_m, per_m = model.height_from_m, model.per_m
-    share_from, shares_per_odds = model.share_from, model.shares_per_odds
-    last_height, last_share = len(heights) - 1.0, len(shares) - 1.0
-    odds, height, place = marks[ODDS], marks[HEIGHT], places[PLACE]
+    """Where the values of a row lie in a table from `start` on."""
+    value, place, last = marks[of], places[PLACE], entries - 1.0
     for m in range(count):
-        place[m] = within((height[m] - height_from_m) * per_m, last_height)
+        place[m] = within((value[m] - start) * steps_per_unit, last)
+
+
+@kernel
+def _add_height(marks: Float64Array, places: Int32Array, count: int, heights: Float64Array) -> None:
+    """Add to the odds of the marks what their heights above the ground alone make of them."""
+    odds, place = marks[ODDS], places[PLACE]
     for m in range(count):
         odds[m] += heights[np.uint32(place[m])]
-    if followed:
-        moved, here, away = marks[MOVED], model.moved_here, model.moved_away
-        for m in range(count):
-            summed = odds[m]
-            at_least = max(summed, here) if moved[m] > 0.0 else summed
-            odds[m] = min(at_least, away) if moved[m] < 0.0 else at_least
+
+
+@kernel
+def _decide_moved(marks: Float64Array, count: int, here: float, away: float) -> None:
+    """Bound the odds of marks where something that moved stood, has gone or is yet to come."""
+    odds, moved = marks[ODDS], marks[MOVED]
     for m in range(count):
-        place[m] = within((odds[m] - share_from) * shares_per_odds, last_share)
+        summed = odds[m]
+        at_least = max(summed, here) if moved[m] > 0.0 else summed
+        odds[m] = min(at_least, away) if moved[m] < 0.0 else at_least
+
+
+@kernel
+def _fill(marks: Float64Array, places: Int32Array, count: int, shares: Float64Array) -> None:
+    """Turn the odds that each mark is filled into the probability."""
+    odds, place = marks[ODDS], places[PLACE]
     for m in range(count):
         odds[m] = shares[np.uint32(place[m])]
 
@@ -207,32 +232,42 @@ def judge_some(
     found: Findings,
 ) -> None:
     """Write the findings on lines; see `judge_lines`."""
+    cells, ground, position = memory.cells, memory.ground.reshape(-1), memory.position
+    age_m, later_s = memory.age_m, memory.later_s
     marks, places, values = block.marks, block.places, block.values
     lines, span, chosen = block.lines, block.span, block.chosen
+    away, rank = block.away, block.rank
     scans = chosen.shape[1]
+    weights, heights, shares = model.weights[scans - 1], model.heights, model.shares
+    height_from_m, motion = model.height_from_m, motion_of(model)
+    share_from, shares_per_odds = model.share_from, model.shares_per_odds
     at = 0
     while at < len(first):
         count = lay_out(first, second, at, model.mark_m, model.end_m, lines, span)
         in_all, a, b = span[count - 1, 2], first[at : at + count], second[at : at + count]
-        if len(memory.position) > 1:
-            choose_scans(memory.position, memory.age_m, a, b, chosen, block.away, block.rank)
-            find_across(memory.position, memory.later_s, a, b, chosen, lines)
+        if len(position) > 1:
+            choose_scans(position, age_m, a, b, chosen, away, rank)
+            find_across(position, later_s, a, b, chosen, lines)
         for n in range(scans):
             depths = BY_NEAREST if n == 0 else DEPTH
             turn_to_scan(n, a, b, block)
             aim(marks, places, lines, span, count)
-            look(memory.cells, places, values, lines, span, count)
+            look(cells, places, values, lines, span, count)
             measure(marks, depths, places, values, lines, span, count, model)
             meet(marks, depths, n, in_all, model)
-            weigh(marks, places, n, in_all, odds_table, model.weights[scans - 1, n])
+            weigh(marks, places, n, in_all, odds_table, weights[n])
             if n == 0:
-                raise_above_ground(memory.ground, marks, places, lines, span, chosen, count)
+                raise_above_ground(ground, marks, places, lines, span, chosen, count)
             else:
                 _keep_depths(marks, lines, span, count, n)
+        _find_places(marks, HEIGHT, places, in_all, height_from_m, model.per_m, len(heights))
+        _add_height(marks, places, in_all, heights)
         if scans > 1:
-            find_changed(marks, lines, span, count, model)
-            _follow(memory.cells, a, b, model, block)
-        _fill(marks, places, in_all, model, scans > 1)
+            find_changed(marks, lines, span, count, motion)
+            _follow(cells, a, b, motion, block)
+            _decide_moved(marks, in_all, model.moved_here, model.moved_away)
+        _find_places(marks, ODDS, places, in_all, share_from, shares_per_odds, len(shares))
+        _fill(marks, places, in_all, shares)
         _sort_out(marks, in_all, model.buried_m, model.buried_rate_per_m / model.rate_per_m)
         _add_up(count, block, model.rate_per_m, at, found)
         at += count

@@ -166,7 +166,7 @@ def weigh(
 
 @kernel
 def raise_above_ground(
-    ground: Float32Array,
+    heights: Float32Array,
     marks: Float64Array,
     places: Int32Array,
     lines: Float64Array,
@@ -174,7 +174,7 @@ def raise_above_ground(
     chosen: IntArray,
     count: int,
 ) -> None:
-    """Heights of the marks above the ground that the nearest scan saw."""
+    """Heights of the marks above the ground that the nearest scan saw; `heights` is all ground."""
     per_m, half = 1.0 / CELL_M, 0.5 * CELLS * CELL_M
     for i in range(count):
         begin, end = span[i, 0], span[i, 2]
@@ -189,6 +189,6 @@ def raise_above_ground(
             q = np.floor(within((v0 + s * dv) * per_m, CELLS - 1.0))
             place[m] = (before + p) * CELLS + q
             height[m] = w0 + s * dw
-    heights, place, height = ground.reshape(-1), places[PLACE], marks[HEIGHT]
+    place, height = places[PLACE], marks[HEIGHT]
     for m in range(span[count - 1, 2]):
         height[m] -= heights[np.uint32(place[m])]

@@ -24,18 +24,6 @@ FARTHEST_MISS_M = 10.0
 
 
 @kernel
-def _depth(cells: Int16Array, chart: Float64Array, line: Float64Array, at_m: float) -> float:
-    """How deep a place on the line lies behind the surface; NaN where none was seen."""
-    return depth_at(
-        cells,
-        chart,
-        line[0, 0] + at_m * line[1, 0],
-        line[0, 1] + at_m * line[1, 1],
-        line[0, 2] + at_m * line[1, 2],
-    )
-
-
-@kernel
 def _crossing(
     cells: Int16Array, chart: Float64Array, line: Float64Array, length: float, worst_m: float
 ) -> float:
@@ -43,23 +31,25 @@ def _crossing(
 
     `worst_m` itself where it does not.
     """
-    here = _depth(cells, chart, line, worst_m)
-    before = here  # towards the first end
-    after = here  # towards the second one
-    for n in range(1, int(REACH_M / STEP_M) + 1):
-        low = worst_m - n * STEP_M
-        high = worst_m + n * STEP_M
+    x, y, z = line[0, 0], line[0, 1], line[0, 2]
+    dx, dy, dz = line[1, 0], line[1, 1], line[1, 2]
+    crossing, n = np.nan, 1
+    before = depth_at(cells, chart, x + worst_m * dx, y + worst_m * dy, z + worst_m * dz)
+    after = before  # towards the second end; `before`, towards the first one
+    while np.isnan(crossing) and n <= int(REACH_M / STEP_M):
+        low, high = worst_m - n * STEP_M, worst_m + n * STEP_M
         if low >= 0.0:
-            depth = _depth(cells, chart, line, low)
+            depth = depth_at(cells, chart, x + low * dx, y + low * dy, z + low * dz)
             if before * depth <= 0.0:
-                return low + STEP_M * (depth / (depth - before) if depth != before else 0.0)
+                crossing = low + STEP_M * (depth / (depth - before) if depth != before else 0.0)
             before = depth
-        if high <= length:
-            depth = _depth(cells, chart, line, high)
+        if high <= length and np.isnan(crossing):
+            depth = depth_at(cells, chart, x + high * dx, y + high * dy, z + high * dz)
             if after * depth <= 0.0:
-                return high - STEP_M * (depth / (depth - after) if depth != after else 0.0)
+                crossing = high - STEP_M * (depth / (depth - after) if depth != after else 0.0)
             after = depth
-    return worst_m
+        n += 1
+    return worst_m if np.isnan(crossing) else crossing
 
 
 @kernel
@@ -69,10 +59,9 @@ def _miss(cells: Int16Array, chart: Float64Array, line: Float64Array, at_m: floa
     v = line[0, 1] + at_m * line[1, 1]
     w = line[0, 2] + at_m * line[1, 2]
     rho = np.sqrt(u * u + v * v)
-    rows, columns = int(chart[ROWS]), int(chart[COLUMNS])
+    rows, columns, at = int(chart[ROWS]), int(chart[COLUMNS]), int(chart[OFFSET])
     place = (w / rho - chart[SLOPE_FROM]) * chart[ROWS_PER_SLOPE]
     c = int(min(turn_of(u, v) * (chart[COLUMNS] / TURN), chart[COLUMNS] - 1.0))
-    at = int(chart[OFFSET])
     if not (0.0 <= place + 0.5 < rows):
         return 0.0
     r = int(place + 0.5)
@@ -86,7 +75,9 @@ def _miss(cells: Int16Array, chart: Float64Array, line: Float64Array, at_m: floa
             column = c + n if way == 2 else (c - n if way == 3 else c)
             if not 0 <= row < rows:
                 break
-            here = abs(float(cells[at + (column % columns) * rows + row]))
+            if not 0 <= column < columns:  # a division at each step would take most of the time
+                column %= columns
+            here = abs(float(cells[at + column * rows + row]))
             if here == 0.0 or here > units:
                 least = n * step
                 break

@@ -3,6 +3,8 @@
 The rule is stated in `evidence`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
@@ -17,6 +19,38 @@ CHANGED, HERE, GONE = 2.0, 1.0, -1.0
 """Two scans saw a mark differently; something that moved stood there; it has gone or not come."""
 LEAST_WAY_M = 0.5
 """Two scans nearer together than this tell no direction."""
+
+
+class Motion(NamedTuple):
+    """What a `Model` says of things that move, in numbers alone.
+
+    The model holds tables too. A kernel that is handed arrays counts who holds them, each time,
+    and where it is called for each mark that takes longer than its work.
+    """
+
+    surface_from_m: float
+    surface_to_m: float
+    changed_from_m: float
+    changed_to_m: float
+    low_m: float
+    high_m: float
+    step_m: float
+    reach_m: float
+
+
+@kernel
+def motion_of(model: Model) -> Motion:
+    """The numbers of a model about things that move."""
+    return Motion(
+        model.surface_from_m,
+        model.surface_to_m,
+        model.changed_from_m,
+        model.changed_to_m,
+        model.changed_low_m,
+        model.changed_high_m,
+        model.moved_step_m,
+        model.moved_reach_m,
+    )
 
 
 @kernel
@@ -69,14 +103,14 @@ def find_changed(
     lines: Float64Array,
     span: IntArray,
     count: int,
-    model: Model,
+    motion: Motion,
 ) -> None:
     """Find the marks, at a height of traffic, that one scan saw filled and another saw through.
 
     Where the scan nearest to the moment has the last word, what it saw through has been left.
     """
-    surface_from_m, from_m, to_m = model.surface_from_m, model.changed_from_m, model.changed_to_m
-    low_m, high_m = model.changed_low_m, model.changed_high_m
+    surface_from_m, from_m, to_m = motion.surface_from_m, motion.changed_from_m, motion.changed_to_m
+    low_m, high_m = motion.low_m, motion.high_m
     for i in range(count):
         begin, end = span[i, 0], span[i, 2]
         by_nearest, by_across = marks[BY_NEAREST, begin:end], marks[BY_ACROSS, begin:end]
@@ -102,61 +136,42 @@ def stood_here(
     y: float,
     z: float,
     way: Float64Array,
-    model: Model,
+    motion: Motion,
 ) -> bool:
     """Whether something on its way from one scan's surface to the other's stood at a point.
 
     `near` and `across` are the two scans' rows of the atlas's index.
     """
-    before, after = way[2], 1.0 - way[2]
-    at_near, way_near = _in_sensor(near, x, y, z, way)
-    at_across, way_across = _in_sensor(across, x, y, z, way)
-    step = 0.5 * model.moved_step_m
-    while step < model.moved_reach_m:
+    surface_from_m, surface_to_m = motion.surface_from_m, motion.surface_to_m
+    through_m = motion.changed_from_m
+    way_x, way_y, before, after = way[0], way[1], way[2], 1.0 - way[2]
+    stood, step = False, 0.5 * motion.step_m
+    a, b, c = _in_sensor(near, x, y, z, 1.0)
+    da, db, dc = _in_sensor(near, way_x, way_y, 0.0, 0.0)
+    u, v, w = _in_sensor(across, x, y, z, 1.0)
+    du, dv, dw = _in_sensor(across, way_x, way_y, 0.0, 0.0)
+    while step < motion.reach_m and not stood:
         for side in (-step, step):
             p, q = -side * before, side * after
-            depth = _depth(cells, near, at_near, way_near, p)
-            if not model.surface_from_m <= depth <= model.surface_to_m:
+            depth = depth_at(cells, near, a + p * da, b + p * db, c + p * dc)
+            if stood or not surface_from_m <= depth <= surface_to_m:
                 continue
-            depth = _depth(cells, across, at_across, way_across, q)
-            if not model.surface_from_m <= depth <= model.surface_to_m:
+            depth = depth_at(cells, across, u + q * du, v + q * dv, w + q * dw)
+            if not surface_from_m <= depth <= surface_to_m:
                 continue
-            if (
-                _depth(cells, across, at_across, way_across, p) < model.changed_from_m
-                or _depth(cells, near, at_near, way_near, q) < model.changed_from_m
-            ):
-                return True
-        step += model.moved_step_m
-    return False
-
-
-Vector = tuple[float, float, float]
+            stood = depth_at(cells, across, u + p * du, v + p * dv, w + p * dw) < through_m
+            if not stood:
+                stood = depth_at(cells, near, a + q * da, b + q * db, c + q * dc) < through_m
+        step += motion.step_m
+    return stood
 
 
 @kernel
 def _in_sensor(
-    chart: Float64Array, x: float, y: float, z: float, way: Float64Array
-) -> tuple[Vector, Vector]:
-    """A point of the scene and a level direction in the frame of a scan's sensor."""
+    chart: Float64Array, x: float, y: float, z: float, one: float
+) -> tuple[float, float, float]:
+    """A point of the scene (`one` is 1) or a direction (0) in the frame of a scan's sensor."""
     g = chart[FROM_SCENE:]
-    point = (
-        g[0] * x + g[1] * y + g[2] * z + g[3],
-        g[4] * x + g[5] * y + g[6] * z + g[7],
-        g[8] * x + g[9] * y + g[10] * z + g[11],
-    )
-    direction = (
-        g[0] * way[0] + g[1] * way[1],
-        g[4] * way[0] + g[5] * way[1],
-        g[8] * way[0] + g[9] * way[1],
-    )
-    return point, direction
-
-
-@kernel
-def _depth(
-    cells: Int16Array, chart: Float64Array, at: Vector, way: Vector, shift_m: float
-) -> float:
-    """How deep a point of a scan's frame, shifted along a direction, lies behind its surface."""
-    return depth_at(
-        cells, chart, at[0] + shift_m * way[0], at[1] + shift_m * way[1], at[2] + shift_m * way[2]
-    )
+    u = g[0] * x + g[1] * y + g[2] * z + g[3] * one
+    v = g[4] * x + g[5] * y + g[6] * z + g[7] * one
+    return u, v, g[8] * x + g[9] * y + g[10] * z + g[11] * one
