@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
 from intervis.sight.atlas import (
-    FROM_SCENE,
     Memory,
     index_of,
     to_sensor,
@@ -42,17 +41,18 @@ LOW, HIGH = range(2)
 # mark to the next, a piece's length; in the frame of the sensor whose scan has the word, the
 # line's first end and the way to the second one, each from its column on for three; the direction
 # from the nearest scan to the one across, how much of that way lies before the line's end, and
-# the rank of the one across (0: there is none); of the scan that has the word, the atlas's index.
-FIRST, STEP, PIECE, START, ALONG, WAY, ACROSS, CHART = 0, 1, 2, 3, 6, 9, 12, 13
+# the rank of the one across (0: there is none).
+FIRST, STEP, PIECE, START, ALONG, WAY, ACROSS = 0, 1, 2, 3, 6, 9, 12
 Int32Array = NDArray[np.int32]
 
 
 class Block(NamedTuple):
     """The working memory of one thread: a few lines that are judged together.
 
-    `marks` (11, W), `places` (3, W), `values` (2, W) and `lines` (B, 19): see the names of their
+    `marks` (11, W), `places` (3, W), `values` (2, W) and `lines` (B, 13): see the names of their
     rows and columns above. `span` (B, 3): each line's first mark, the mark after its last one, and
-    the same rounded up; `chosen` (B, K): the scans with a say, nearest first. `away` (S,) and
+    the same rounded up; `chosen` (B, K): the scans with a say, nearest first; `runs` (B, 3): first
+    mark and the one after the last of those that ask the same scan, and that scan. `away` (S,) and
     `rank` (K,): how far scans are; `charts` (S, 18): the index of the atlas.
     """
 
@@ -62,6 +62,7 @@ class Block(NamedTuple):
     lines: Float64Array
     span: IntArray
     chosen: IntArray
+    runs: IntArray
     away: Float64Array
     rank: Float64Array
     charts: Float64Array
@@ -77,9 +78,10 @@ def new_block(memory: Memory, model: Model) -> Block:
         np.empty((11, width)),
         np.empty((3, width), np.int32),
         np.empty((2, width), np.int16),
-        np.empty((BLOCK_LINES, CHART + FROM_SCENE)),
+        np.empty((BLOCK_LINES, ACROSS + 1)),
         np.empty((BLOCK_LINES, 3), np.int64),
         np.zeros((BLOCK_LINES, scans), np.int64),
+        np.empty((BLOCK_LINES, 3), np.int64),
         np.empty(len(memory.offset)),
         np.empty(scans),
         index_of(memory),
@@ -119,10 +121,16 @@ def lay_out(
 
 
 @kernel
-def turn_to_scan(n: int, first: Float64Array, second: Float64Array, block: Block) -> None:
-    """Give the n-th scan of each line the word."""
+def turn_to_scan(n: int, first: Float64Array, second: Float64Array, block: Block) -> int:
+    """Give the n-th scan of each line the word; how many runs of marks ask the same scan."""
+    lines, span, runs = block.lines, block.span, block.runs
+    count = 0
     for i in range(len(first)):
-        chart, line = block.charts[block.chosen[i, n]], block.lines[i]
+        k, line = block.chosen[i, n], lines[i]
+        chart = block.charts[k]
         to_sensor(chart, first[i], second[i], line[START : START + 3], line[ALONG : ALONG + 3])
-        for column in range(FROM_SCENE):
-            line[CHART + column] = chart[column]
+        if count == 0 or runs[count - 1, 2] != k:
+            runs[count, 0], runs[count, 2] = span[i, 0], k
+            count += 1
+        runs[count - 1, 1] = span[i, 2]
+    return count

@@ -234,8 +234,8 @@ def judge_some(
     """Write the findings on lines; see `judge_lines`."""
     cells, ground, position = memory.cells, memory.ground.reshape(-1), memory.position
     age_m, later_s = memory.age_m, memory.later_s
-    marks, places, values = block.marks, block.places, block.values
-    lines, span, chosen = block.lines, block.span, block.chosen
+    marks, places, lines = block.marks, block.places, block.lines
+    span, chosen = block.span, block.chosen
     away, rank = block.away, block.rank
     scans = chosen.shape[1]
     weights, heights, shares = model.weights[scans - 1], model.heights, model.shares
@@ -250,10 +250,10 @@ def judge_some(
             find_across(position, later_s, a, b, chosen, lines)
         for n in range(scans):
             depths = BY_NEAREST if n == 0 else DEPTH
-            turn_to_scan(n, a, b, block)
-            aim(marks, places, lines, span, count)
-            look(cells, places, values, lines, span, count)
-            measure(marks, depths, places, values, lines, span, count, model)
+            runs = turn_to_scan(n, a, b, block)
+            aim(n, count, block)
+            look(cells, runs, block)
+            measure(depths, runs, block, model)
             meet(marks, depths, n, in_all, model)
             weigh(marks, places, n, in_all, odds_table, weights[n])
             if n == 0:

@@ -14,7 +14,6 @@ from intervis.sight.atlas import CARRIED, COLUMNS, OFFSET, ROWS, ROWS_PER_SLOPE,
 from intervis.sight.block import (
     ALONG,
     CELL,
-    CHART,
     ENTRY,
     FIRST,
     GAP,
@@ -29,6 +28,7 @@ from intervis.sight.block import (
     SHARE,
     START,
     STEP,
+    Block,
     Int32Array,
 )
 from intervis.sight.chart import TURN, Int16Array, turn_of
@@ -44,22 +44,18 @@ def within(value: float, most: float) -> float:
 
 
 @kernel
-def aim(
-    marks: Float64Array, places: Int32Array, lines: Float64Array, span: IntArray, count: int
-) -> None:
+def aim(n: int, count: int, block: Block) -> None:
     """Each mark's rho, lower cell in its line's chart, and share of the next row."""
+    marks, places, lines, span = block.marks, block.places, block.lines, block.span
     for i in range(count):
         begin, end = span[i, 0], span[i, 2]
-        rho_of, share, cell = (
-            marks[RHO, begin:end],
-            marks[SHARE, begin:end],
-            places[CELL, begin:end],
-        )
+        rho_of, share_of = marks[RHO, begin:end], marks[SHARE, begin:end]
+        cell_of = places[CELL, begin:end]
         u0, v0, w0 = lines[i, START], lines[i, START + 1], lines[i, START + 2]
         du, dv, dw = lines[i, ALONG], lines[i, ALONG + 1], lines[i, ALONG + 2]
-        first, step, chart = lines[i, FIRST], lines[i, STEP], lines[i, CHART:]
-        slope_from, rows_per_slope = chart[SLOPE_FROM], chart[ROWS_PER_SLOPE]
-        columns, rows = chart[COLUMNS], chart[ROWS]
+        first, step, k = lines[i, FIRST], lines[i, STEP], block.chosen[i, n]
+        slope_from, rows_per_slope = block.charts[k, SLOPE_FROM], block.charts[k, ROWS_PER_SLOPE]
+        columns, rows = block.charts[k, COLUMNS], block.charts[k, ROWS]
         columns_per_turn = columns / TURN
         for m in range(end - begin):
             s = (m + first) * step
@@ -71,25 +67,18 @@ def aim(
             row = np.floor(f)
             column = np.floor(within(turn_of(u, v) * columns_per_turn, columns - 1.0))
             rho_of[m] = rho
-            share[m] = f - row if on_chart else -1.0
-            cell[m] = column * rows + row
+            share_of[m] = f - row if on_chart else -1.0
+            cell_of[m] = column * rows + row
 
 
 @kernel
-def look(
-    cells: Int16Array,
-    places: Int32Array,
-    values: Int16Array,
-    lines: Float64Array,
-    span: IntArray,
-    count: int,
-) -> None:
+def look(cells: Int16Array, runs: int, block: Block) -> None:
     """The charts' values at the marks: the lower and the upper one of two rows."""
-    for i in range(count):
-        begin, end = span[i, 0], span[i, 2]
-        cell = places[CELL, begin:end]
-        low, high = values[LOW, begin:end], values[HIGH, begin:end]
-        seen = cells[int(lines[i, CHART + OFFSET]) :]
+    for i in range(runs):
+        begin, end = block.runs[i, 0], block.runs[i, 1]
+        cell = block.places[CELL, begin:end]
+        low, high = block.values[LOW, begin:end], block.values[HIGH, begin:end]
+        seen = cells[int(block.charts[block.runs[i, 2], OFFSET]) :]
         for m in range(end - begin):
             at = np.uint32(cell[m])
             low[m] = seen[at]
@@ -97,28 +86,15 @@ def look(
 
 
 @kernel
-def measure(
-    marks: Float64Array,
-    to: int,
-    places: Int32Array,
-    values: Int16Array,
-    lines: Float64Array,
-    span: IntArray,
-    count: int,
-    model: Model,
-) -> None:
+def measure(to: int, runs: int, block: Block, model: Model) -> None:
     """How deep the marks lie behind the surface that was seen, and where that is in the table."""
     depth_from_m, per_m, entries = model.depth_from_m, model.per_m, float(len(model.solid))
-    for i in range(count):
-        begin, end = span[i, 0], span[i, 2]
-        rho_of, share, depth_of = (
-            marks[RHO, begin:end],
-            marks[SHARE, begin:end],
-            marks[to, begin:end],
-        )
-        lows, highs = values[LOW, begin:end], values[HIGH, begin:end]
-        entry_of = places[ENTRY, begin:end]
-        unit_m = lines[i, CHART + UNIT_M]
+    for i in range(runs):
+        begin, end = block.runs[i, 0], block.runs[i, 1]
+        rho_of, share = block.marks[RHO, begin:end], block.marks[SHARE, begin:end]
+        lows, highs = block.values[LOW, begin:end], block.values[HIGH, begin:end]
+        depth_of, entry_of = block.marks[to, begin:end], block.places[ENTRY, begin:end]
+        unit_m = block.charts[block.runs[i, 2], UNIT_M]
         for m in range(end - begin):
             f, low, high = share[m], float(lows[m]), float(highs[m])
             value = high if f >= 0.5 else low
