@@ -27,8 +27,9 @@ BLOCK_MARKS, BLOCK_LINES = 512, 64
 # number where it saw none; the nearest scan and the one across have rows of their own). What all
 # scans say: summed log-odds, least gap before a seen surface and least distance from one that is
 # met (inf with none), the rank of the scan that met it. The height above the nearest scan's
-# ground; and whether something that moved stood there (1), has gone or is yet to come (-1).
-RHO, SHARE, DEPTH, BY_NEAREST, BY_ACROSS, ODDS, GAP, NEAR, RANK, HEIGHT, MOVED = range(11)
+# ground; and whether something that moved stood there (1), has gone or is yet to come (-1). And the share of the
+# line that lies before them.
+RHO, SHARE, DEPTH, BY_NEAREST, BY_ACROSS, ODDS, GAP, NEAR, RANK, HEIGHT, MOVED, PART = range(12)
 # The same rows, once the odds are known: the exponent's parts by what was seen there, marks that
 # no scan saw, clearance of open space.
 SEEN, OPEN, HIDDEN, UNSEEN, CLEAR = ODDS, RHO, SHARE, DEPTH, BY_NEAREST
@@ -49,7 +50,7 @@ Int32Array = NDArray[np.int32]
 class Block(NamedTuple):
     """The working memory of one thread: a few lines that are judged together.
 
-    `marks` (11, W), `places` (3, W), `values` (2, W) and `lines` (B, 13): see the names of their
+    `marks` (12, W), `places` (3, W), `values` (2, W) and `lines` (B, 13): see the names of their
     rows and columns above. `span` (B, 3): each line's first mark, the mark after its last one, and
     the same rounded up; `chosen` (B, K): the scans with a say, nearest first; `runs` (B, 3): first
     mark and the one after the last of those that ask the same scan, and that scan. `away` (S,) and
@@ -75,7 +76,7 @@ def new_block(memory: Memory, model: Model) -> Block:
     # rows that start a multiple of 4096 bytes apart would drive each other out of fast memory
     width = BLOCK_MARKS + MOST_MARKS + 3 * EIGHT
     return Block(
-        np.empty((11, width)),
+        np.empty((12, width)),
         np.empty((3, width), np.int32),
         np.empty((2, width), np.int16),
         np.empty((BLOCK_LINES, ACROSS + 1)),
@@ -86,6 +87,15 @@ def new_block(memory: Memory, model: Model) -> Block:
         np.empty(scans),
         index_of(memory),
     )
+
+
+@kernel
+def in_eights(begin: int, end: int) -> int:
+    """How many marks lie in between, where that is a multiple of eight.
+
+    A compiler that sees as much, here by the shifts, keeps nothing at hand for a rest.
+    """
+    return (end - begin) >> 3 << 3
 
 
 @kernel

@@ -44,7 +44,7 @@ from intervis.sight.block import (
 )
 from intervis.sight.chart import Int16Array
 from intervis.sight.evidence import MODEL, NOISE, Model
-from intervis.sight.marks import aim, look, measure, meet, raise_above_ground, weigh, within
+from intervis.sight.marks import aim, look, measure, meet, part, raise_above_ground, weigh, within
 from intervis.sight.moved import (
     CHANGED,
     GONE,
@@ -248,6 +248,7 @@ def judge_some(
         if len(position) > 1:
             choose_scans(position, age_m, a, b, chosen, away, rank)
             find_across(position, later_s, a, b, chosen, lines)
+        part(count, block)
         for n in range(scans):
             depths = BY_NEAREST if n == 0 else DEPTH
             runs = turn_to_scan(n, a, b, block)

@@ -22,6 +22,7 @@ from intervis.sight.block import (
     LOW,
     NEAR,
     ODDS,
+    PART,
     PLACE,
     RANK,
     RHO,
@@ -30,6 +31,7 @@ from intervis.sight.block import (
     STEP,
     Block,
     Int32Array,
+    in_eights,
 )
 from intervis.sight.chart import TURN, Int16Array, turn_of
 from intervis.sight.evidence import Model
@@ -44,6 +46,17 @@ def within(value: float, most: float) -> float:
 
 
 @kernel
+def part(count: int, block: Block) -> None:
+    """The share of its line that lies before each mark: scan after scan needs it."""
+    lines, span = block.lines, block.span
+    for i in range(count):
+        begin, end = span[i, 0], span[i, 2]
+        part_of, first, step = block.marks[PART, begin:end], lines[i, FIRST], lines[i, STEP]
+        for m in range(in_eights(begin, end)):
+            part_of[m] = (m + first) * step
+
+
+@kernel
 def aim(n: int, count: int, block: Block) -> None:
     """Each mark's rho, lower cell in its line's chart, and share of the next row."""
     marks, places, lines, span = block.marks, block.places, block.lines, block.span
@@ -53,12 +66,12 @@ def aim(n: int, count: int, block: Block) -> None:
         cell_of = places[CELL, begin:end]
         u0, v0, w0 = lines[i, START], lines[i, START + 1], lines[i, START + 2]
         du, dv, dw = lines[i, ALONG], lines[i, ALONG + 1], lines[i, ALONG + 2]
-        first, step, k = lines[i, FIRST], lines[i, STEP], block.chosen[i, n]
+        part_of, k = marks[PART, begin:end], block.chosen[i, n]
         slope_from, rows_per_slope = block.charts[k, SLOPE_FROM], block.charts[k, ROWS_PER_SLOPE]
         columns, rows = block.charts[k, COLUMNS], block.charts[k, ROWS]
         columns_per_turn = columns / TURN
-        for m in range(end - begin):
-            s = (m + first) * step
+        for m in range(in_eights(begin, end)):
+            s = part_of[m]
             u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
             rho = np.sqrt(u * u + v * v)
             f = (w / rho - slope_from) * rows_per_slope
@@ -79,7 +92,7 @@ def look(cells: Int16Array, runs: int, block: Block) -> None:
         cell = block.places[CELL, begin:end]
         low, high = block.values[LOW, begin:end], block.values[HIGH, begin:end]
         seen = cells[int(block.charts[block.runs[i, 2], OFFSET]) :]
-        for m in range(end - begin):
+        for m in range(in_eights(begin, end)):
             at = np.uint32(cell[m])
             low[m] = seen[at]
             high[m] = seen[at + 1]
@@ -95,7 +108,7 @@ def measure(to: int, runs: int, block: Block, model: Model) -> None:
         lows, highs = block.values[LOW, begin:end], block.values[HIGH, begin:end]
         depth_of, entry_of = block.marks[to, begin:end], block.places[ENTRY, begin:end]
         unit_m = block.charts[block.runs[i, 2], UNIT_M]
-        for m in range(end - begin):
+        for m in range(in_eights(begin, end)):
             f, low, high = share[m], float(lows[m]), float(highs[m])
             value = high if f >= 0.5 else low
             known = (value != 0.0) & (f >= 0.0)
@@ -157,10 +170,10 @@ def raise_above_ground(
         place, height = places[PLACE, begin:end], marks[HEIGHT, begin:end]
         u0, v0, w0 = lines[i, START] + half, lines[i, START + 1] + half, lines[i, START + 2]
         du, dv, dw = lines[i, ALONG], lines[i, ALONG + 1], lines[i, ALONG + 2]
-        first, step = lines[i, FIRST], lines[i, STEP]
+        part_of = marks[PART, begin:end]
         before = float(chosen[i, 0]) * CELLS
-        for m in range(end - begin):
-            s = (m + first) * step
+        for m in range(in_eights(begin, end)):
+            s = part_of[m]
             p = np.floor(within((u0 + s * du) * per_m, CELLS - 1.0))
             q = np.floor(within((v0 + s * dv) * per_m, CELLS - 1.0))
             place[m] = (before + p) * CELLS + q

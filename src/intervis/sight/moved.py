@@ -10,7 +10,7 @@ import numpy as np
 from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
 from intervis.sight.atlas import FROM_SCENE, depth_at
-from intervis.sight.block import ACROSS, BY_ACROSS, BY_NEAREST, HEIGHT, MOVED, WAY
+from intervis.sight.block import ACROSS, BY_ACROSS, BY_NEAREST, HEIGHT, MOVED, WAY, in_eights
 from intervis.sight.chart import Int16Array
 from intervis.sight.evidence import Model
 
@@ -117,7 +117,7 @@ def find_changed(
         height, moved = marks[HEIGHT, begin:end], marks[MOVED, begin:end]
         two_see = CHANGED if lines[i, ACROSS] > 0.0 else 0.0
         one_sees = GONE if lines[i, ACROSS] == ALONE else 0.0
-        for m in range(end - begin):
+        for m in range(in_eights(begin, end)):
             one, other, above_m = by_nearest[m], by_across[m], height[m]
             at_height = (above_m >= low_m) & (above_m <= high_m)
             # no number where either scan saw nothing: then not changed
