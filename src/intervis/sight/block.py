@@ -27,8 +27,8 @@ BLOCK_MARKS, BLOCK_LINES = 512, 64
 # number where it saw none; the nearest scan and the one across have rows of their own). What all
 # scans say: summed log-odds, least gap before a seen surface and least distance from one that is
 # met (inf with none), the rank of the scan that met it. The height above the nearest scan's
-# ground; and whether something that moved stood there (1), has gone or is yet to come (-1). And the share of the
-# line that lies before them.
+# ground; whether something that moved stood there (1), has gone or is yet to come (-1); and the
+# share of the line that lies before them.
 RHO, SHARE, DEPTH, BY_NEAREST, BY_ACROSS, ODDS, GAP, NEAR, RANK, HEIGHT, MOVED, PART = range(12)
 # The same rows, once the odds are known: the exponent's parts by what was seen there, marks that
 # no scan saw, clearance of open space.

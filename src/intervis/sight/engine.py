@@ -6,6 +6,11 @@ The marks of a few lines at a time go through short passes over small arrays. A 
 reckons, without branch or look-up, so that the compiler works on eight marks at once; or it looks
 up, and does little else. One pass that does both takes twice as long. Lines are rounded up to
 full eights of marks; the surplus is never counted.
+
+A kernel counts the holders of each array it is handed, in memory that all threads share, unless
+the compiler finds that needless: it does where arrays are last used in one loop that each way
+through the kernel leads to. So a pass is one loop, returns at its end, and calls no other kernel
+with arrays; and what is called for each mark is handed numbers, not tuples of tables.
 """
 
 from typing import NamedTuple
@@ -44,7 +49,7 @@ from intervis.sight.block import (
 )
 from intervis.sight.chart import Int16Array
 from intervis.sight.evidence import MODEL, NOISE, Model
-from intervis.sight.marks import aim, look, measure, meet, part, raise_above_ground, weigh, within
+from intervis.sight.marks import aim, divide, look, measure, meet, raise_above_ground, weigh, within
 from intervis.sight.moved import (
     CHANGED,
     GONE,
@@ -248,7 +253,7 @@ def judge_some(
         if len(position) > 1:
             choose_scans(position, age_m, a, b, chosen, away, rank)
             find_across(position, later_s, a, b, chosen, lines)
-        part(count, block)
+        divide(count, block)
         for n in range(scans):
             depths = BY_NEAREST if n == 0 else DEPTH
             runs = turn_to_scan(n, a, b, block)

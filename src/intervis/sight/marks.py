@@ -1,9 +1,7 @@
 """Passes over the marks of a block: what one scan shows of them, and the ground below them.
 
-A pass either reckons, without branch or look-up, so that the compiler works on eight marks at
-once; or it looks up, and does little else. One pass that does both takes twice as long. What is
-looked up is looked up by narrow unsigned numbers: signed ones may count from the end, and to see
-to that takes as long as the look-up.
+Values are looked up by narrow unsigned numbers: signed ones may count from the end, and to see to
+that takes as long as the look-up.
 """
 
 import numpy as np
@@ -46,7 +44,7 @@ def within(value: float, most: float) -> float:
 
 
 @kernel
-def part(count: int, block: Block) -> None:
+def divide(count: int, block: Block) -> None:
     """The share of its line that lies before each mark: scan after scan needs it."""
     lines, span = block.lines, block.span
     for i in range(count):
