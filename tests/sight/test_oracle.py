@@ -43,6 +43,8 @@ def compare(scene: Scene, a, b, moment_s=None) -> None:
         assert found.hidden[i] == pytest.approx(verdict.hidden, abs=1e-9), (a[i], b[i])
         assert found.seen[i] == pytest.approx(verdict.seen, abs=1e-9), (a[i], b[i])
         assert found.unknown_m[i] == pytest.approx(verdict.unknown_m, abs=1e-9), (a[i], b[i])
+        assert found.shadow_m[i] == pytest.approx(verdict.shadow_m, abs=1e-9), (a[i], b[i])
+        assert found.apart_s[i] == pytest.approx(verdict.apart_s, abs=1e-12), (a[i], b[i])
 
 
 def test_engine_agrees_with_oracle_in_all_octants(scene, rng):
@@ -56,10 +58,25 @@ def test_engine_agrees_with_oracle_at_any_moment(scene, rng, moment_s):
 
 def test_states_are_the_oracles(scene, rng):
     a, b = random_lines(rng, 400)
-    sight = scene.sight_lines(a, b)
-    states = [judge_line(scene._packed(), p, q).state for p, q in zip(a, b, strict=True)]
-    assert sight.state.tolist() == states
-    assert set(states) == {-1, 0, 1}, "the lines must exercise all three answers"
+    for moment_s in (None, 0.55):
+        sight = scene.sight_lines(a, b, moment_s=moment_s)
+        memory = scene._packed(moment_s)
+        verdicts = [judge_line(memory, p, q) for p, q in zip(a, b, strict=True)]
+        states = [verdict.state for verdict in verdicts]
+        assert sight.state.tolist() == states
+        assert set(states) == {-1, 0, 1}, "the lines must exercise all three answers"
+        probability = [verdict.probability for verdict in verdicts]
+        np.testing.assert_allclose(sight.probability, probability, rtol=0, atol=1e-12)
+
+
+def test_one_scans_answers_are_the_oracles(rng):
+    alone = Scene.from_scan(street_scan(turned(0.0, 0.0, 0.0), seed=3))
+    a, b = random_lines(rng, 300)
+    verdicts = [judge_line(alone._packed(), p, q) for p, q in zip(a, b, strict=True)]
+    sight = alone.sight_lines(a, b)
+    assert sight.state.tolist() == [verdict.state for verdict in verdicts]
+    probability = [verdict.probability for verdict in verdicts]
+    np.testing.assert_allclose(sight.probability, probability, rtol=0, atol=1e-12)
 
 
 def test_engine_agrees_between_returns(scene, rng):

@@ -20,15 +20,15 @@ BLOCK_MARKS, BLOCK_LINES = 512, 64
 # Rows of a block's numbers about its marks. What one scan shows of them: horizontal range, the
 # lower of two cells of its chart, its value and the upper one's, the place between the two (-1
 # off the chart), an entry of the table of odds. What all scans say: summed log-odds, least gap
-# before a seen surface and least distance from one that is met (inf with none), the scan that met
-# it. Above the nearest scan's ground: the height, and an entry of the ground or of a table. How
-# deep they lie behind the surfaces of the nearest scan and of the one across; and whether
-# something that moved stood there (1), has gone or is yet to come (-1).
+# before a seen surface and least depth behind one or distance from one that is met (inf with
+# none), the scan that says the latter. Above the nearest scan's ground: the height, and an entry
+# of the ground or of a table. How deep they lie behind the surfaces of the nearest scan and of the
+# one across; and whether something that moved stood there (1), has gone or is yet to come (-1).
 RHO, CELL, LOW, HIGH, SHARE, ENTRY, ODDS, GAP, NEAR, SCAN, HEIGHT, PLACE = range(12)
 BY_NEAREST, BY_ACROSS, MOVED = 12, 13, 14
 # The same rows, once the odds are known: the exponent's parts by what was seen there, marks that
-# no scan saw, clearance of open space.
-SEEN, OPEN, HIDDEN, UNSEEN, CLEAR = ODDS, RHO, SHARE, LOW, HIGH
+# no scan saw, those of them that lie behind a surface, clearance of open space.
+SEEN, OPEN, HIDDEN, UNSEEN, SHADOW, CLEAR = ODDS, RHO, SHARE, LOW, CELL, HIGH
 # Columns of a block's numbers about its lines: share of the line at its first mark and from one
 # mark to the next, a piece's length; in the frame of the sensor whose scan has the word, the
 # line's first end and the way to the second one, each from its column on for three; that scan

@@ -8,8 +8,6 @@ up, and does little else. One pass that does both takes twice as long. Lines are
 full eights of marks; the surplus is never counted.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array, IntArray
@@ -21,34 +19,28 @@ from intervis.sight.block import (
     BY_ACROSS,
     BY_NEAREST,
     CELL,
-    CLEAR,
     COLUMNS,
     ENTRY,
     FIRST,
     GAP,
     HEIGHT,
-    HIDDEN,
     HIGH,
     LOW,
     MOVED,
     NEAR,
     ODDS,
     OFFSET,
-    OPEN,
-    PIECE,
     PLACE,
     RHO,
     ROWS,
     ROWS_PER_SLOPE,
     SCAN,
-    SEEN,
     SHARE,
     SLOPE_FROM,
     START,
     STEP,
     THE_SCAN,
     UNIT_M,
-    UNSEEN,
     WAY,
     Block,
     lay_out,
@@ -56,33 +48,10 @@ from intervis.sight.block import (
     turn_to_scan,
 )
 from intervis.sight.chart import TURN, Int16Array, turn_of
-from intervis.sight.evidence import MODEL, NOISE, Model
+from intervis.sight.evidence import MODEL, Model
+from intervis.sight.findings import Findings, add_up, new_findings, sort_out
 from intervis.sight.ground import CELL_M, CELLS
 from intervis.sight.moved import ALONE, NONE, has_changed, has_left, stood_here
-
-
-class Findings(NamedTuple):
-    """What the marks of L lines add up to; see `evidence`.
-
-    The exponent -log P(visible) in three parts: `open`, marks in free space; `seen`, marks at
-    seen surfaces; `hidden`, marks that no scan saw, whose length is `unknown_m`.
-    `clearance_m` is the least gap to a surface or the ground on the way (inf with none);
-    `worst_m` the distance from the line's first end to the mark at a seen surface that is most
-    likely filled, `worst_scan` the scan that says so (-1: there is none).
-    """
-
-    open: Float64Array
-    seen: Float64Array
-    hidden: Float64Array
-    unknown_m: Float64Array
-    clearance_m: Float64Array
-    worst_m: Float64Array
-    worst_scan: IntArray
-
-    @property
-    def exponent(self) -> Float64Array:
-        """-log P(visible)."""
-        return NOISE + self.open + self.seen + self.hidden
 
 
 @kernel
@@ -134,7 +103,7 @@ def _measure(
 ) -> None:
     """How deep the marks lie behind the surface that was seen, and what that makes of them."""
     depth_from_m, per_m = model.depth_from_m, model.per_m
-    surface_from_m, surface_to_m = model.surface_from_m, model.surface_to_m
+    surface_from_m = model.surface_from_m
     entries = float(len(model.solid))
     for i in range(count):
         begin, end = span[i, 0], span[i, 2]
@@ -154,9 +123,8 @@ def _measure(
             entry = np.floor(_within((depth - depth_from_m) * per_m, entries - 1.0))
             entry += entries if value > 0.0 else 0.0
             entry_of[m] = entry if known else 2.0 * entries
-            met = known & (depth >= surface_from_m) & (depth <= surface_to_m)
             gap = -depth if known & (depth < surface_from_m) else np.inf
-            near = abs(depth) if met else np.inf
+            near = abs(depth) if known & (depth >= surface_from_m) else np.inf
             # read whether used or not: a load on a condition is four times as slow as the rest
             before, scan_before = near_of[m], scan_of[m]
             gap_of[m] = min(gap_of[m], gap)
@@ -219,8 +187,8 @@ def _follow(
             x, y, z = a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2])
             if stood_here(memory, near, across, x, y, z, line[WAY : WAY + 3], model):
                 marks[MOVED, m] = 1.0
-                if marks[NEAR, m] == np.inf:
-                    marks[NEAR, m] = abs(max(one, other))
+                if marks[NEAR, m] > model.surface_to_m:
+                    marks[NEAR, m] = model.surface_to_m
                     marks[SCAN, m] = near if one > other else across
             else:
                 marks[MOVED, m] = -1.0
@@ -288,61 +256,6 @@ def _fill(marks: Float64Array, count: int, model: Model, followed: bool) -> None
 
 
 @kernel
-def _sort_out(marks: Float64Array, count: int, buried_m: float, buried_share: float) -> None:
-    """Split the probabilities of the marks by what was seen there."""
-    gap, near, height = marks[GAP], marks[NEAR], marks[HEIGHT]
-    seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
-    unseen, clear = marks[UNSEEN], marks[CLEAR]
-    for m in range(count):
-        # One choice at a time, of numbers read before: conditions joined by "and", or a load that
-        # hangs on one, take twice as long.
-        ahead, met, above, share = gap[m], near[m], height[m], seen[m]
-        in_earth = above if ahead == np.inf else 0.0
-        met = 0.0 if in_earth < -buried_m else met
-        share = buried_share if in_earth < -buried_m else share
-        in_seen = share if met < np.inf else 0.0
-        in_open = share - in_seen if ahead < np.inf else 0.0
-        seen[m] = in_seen
-        free[m] = in_open
-        hidden[m] = share - in_seen - in_open
-        not_met = 1.0 if met == np.inf else 0.0
-        unseen[m] = not_met if ahead == np.inf else 0.0
-        least = min(ahead, above) if met == np.inf else np.inf
-        clear[m] = least if ahead < np.inf else np.inf
-
-
-@kernel
-def _add_up(count: int, block: Block, rate_per_m: float, at: int, found: Findings) -> None:
-    """The findings on a block's lines, whose marks are sorted out; the first is line `at`."""
-    marks = block.marks
-    seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
-    unseen, clear, scan, height = marks[UNSEEN], marks[CLEAR], marks[SCAN], marks[HEIGHT]
-    for i in range(count):
-        begin, end, piece = block.span[i, 0], block.span[i, 1], block.lines[i, PIECE]
-        in_seen, in_open, in_hidden, marks_unseen, least = 0.0, 0.0, 0.0, 0.0, np.inf
-        for m in range(begin, end):
-            in_seen += seen[m]
-            in_open += free[m]
-            in_hidden += hidden[m]
-            marks_unseen += unseen[m]
-            least = min(least, clear[m])
-        worst, worst_height, worst_at, worst_scan = 0.0, np.inf, 0.0, -1.0
-        if in_seen > 0.0:
-            for m in range(begin, end):
-                # of marks under the ground, all as bad, the one next to its surface
-                if seen[m] > worst or (seen[m] == worst > 0.0 and height[m] > worst_height):
-                    worst, worst_height, worst_scan = seen[m], height[m], scan[m]
-                    worst_at = m - begin + block.lines[i, FIRST]
-        found.seen[at + i] = in_seen * rate_per_m * piece
-        found.open[at + i] = in_open * rate_per_m * piece
-        found.hidden[at + i] = in_hidden * rate_per_m * piece
-        found.unknown_m[at + i] = marks_unseen * piece
-        found.clearance_m[at + i] = max(least, 0.0)
-        found.worst_m[at + i] = worst_at * piece
-        found.worst_scan[at + i] = int(worst_scan)
-
-
-@kernel
 def judge_some(
     memory: Memory,
     first: Float64Array,
@@ -375,8 +288,8 @@ def judge_some(
         if scans > 1:
             _follow(memory, first, second, at, count, model, block)
         _fill(marks, in_all, model, scans > 1)
-        _sort_out(marks, in_all, model.buried_m, model.buried_rate_per_m / model.rate_per_m)
-        _add_up(count, block, model.rate_per_m, at, found)
+        sort_out(marks, in_all, model)
+        add_up(memory, count, block, model, at, found)
         at += count
 
 
@@ -393,8 +306,7 @@ def judge_lines(
     The caller orders the two ends, so that a line and its reverse are the same line here.
     """
     count, table = len(first), odds_table_of(model)
-    a, b, c, d, e, f = np.empty((6, count))
-    found = Findings(a, b, c, d, e, f, np.empty(count, np.int64))
+    found = new_findings(count)
 
     def work(start: int, stop: int) -> None:
         part, block = slice(start, stop), new_block(memory, model)
