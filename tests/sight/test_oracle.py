@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from made_scans import street_scan, turned
 
+from intervis.drives import open_drive
 from intervis.sight import Scene
 from intervis.sight.engine import judge_lines
 from intervis.sight.oracle import judge_line
 from intervis.sight.scene import _ordered
+from intervis.transform import transform
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +39,10 @@ def random_lines(rng: np.random.Generator, count: int):
 def compare(scene: Scene, a, b, moment_s=None) -> None:
     memory = scene._packed(moment_s)
     found = judge_lines(memory, *_ordered(a, b))
-    for i in range(len(a)):
-        verdict = judge_line(memory, a[i], b[i])
-        assert found.open[i] == pytest.approx(verdict.open, abs=1e-9), (a[i], b[i])
-        assert found.hidden[i] == pytest.approx(verdict.hidden, abs=1e-9), (a[i], b[i])
-        assert found.seen[i] == pytest.approx(verdict.seen, abs=1e-9), (a[i], b[i])
-        assert found.unknown_m[i] == pytest.approx(verdict.unknown_m, abs=1e-9), (a[i], b[i])
-        assert found.shadow_m[i] == pytest.approx(verdict.shadow_m, abs=1e-9), (a[i], b[i])
-        assert found.apart_s[i] == pytest.approx(verdict.apart_s, abs=1e-12), (a[i], b[i])
+    verdicts = [judge_line(memory, p, q) for p, q in zip(a, b, strict=True)]
+    for name in ("open", "hidden", "seen", "unknown_m", "shadow_m", "apart_s"):
+        expected = np.array([getattr(verdict, name) for verdict in verdicts])
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_engine_agrees_with_oracle_in_all_octants(scene, rng):
@@ -88,7 +86,28 @@ def test_engine_agrees_between_returns(scene, rng):
 
 
 @pytest.mark.slow
-def test_engine_agrees_on_many_lines(scene, rng):
-    """A fifth of a million; raise the count for an idle machine, 15 minutes a million."""
-    for part in range(10):
-        compare(scene, *random_lines(rng, 20_000), None if part % 2 else 0.08 * part)
+@pytest.mark.parametrize("part", range(20))
+def test_engine_agrees_on_two_million_lines(scene, part):
+    """All kinds of lines, half of them at a moment; two minutes for each twentieth."""
+    rng = np.random.default_rng([7, part])
+    for number in range(10):
+        moment_s = rng.uniform(-0.5, 1.5) if number % 2 else None
+        compare(scene, *random_lines(rng, 10_000), moment_s)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+@pytest.mark.parametrize("scans", [1, 12])
+def test_engine_agrees_on_real_scans(shared_data, rng, scans):
+    drive = open_drive(shared_data / "pcd_drive")
+    scene, points = Scene(), []
+    for number in drive.frame_numbers[:scans]:
+        frame = drive[number]
+        scene.add(frame.points, frame.pose, 0.1 * number)
+        points.append(transform(frame.pose, frame.points[:, :3].astype(np.float64)))
+    returns = np.vstack(points)
+    for moment_s in (None, 0.35, 2.0):
+        a = returns[rng.integers(0, len(returns), 20_000)]
+        b = returns[rng.integers(0, len(returns), 20_000)]
+        a[::2] = scene.poses[0, :3, 3] + rng.normal(0.0, 4.0, (10_000, 3)) * [1.0, 1.0, 0.1]
+        compare(scene, a, b, moment_s)

@@ -70,8 +70,8 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
     scans = _chosen_scans(memory, a, b)
     height = np.zeros(len(marks))
     depths = []
+    weights = model.scan_weights(len(scans))
     for rank, k in enumerate(scans):
-        weight = model.scan_weights(len(scans))[rank]
         points = marks @ memory.sensor_from_scene[k, :, :3].T + memory.sensor_from_scene[k, :, 3]
         if rank == 0:
             height = _height_above_ground(memory, k, points)
@@ -82,7 +82,7 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
             _read(MODEL.solid, depth, model.DEPTH_TABLE_FROM_M, model.TABLE_PER_M),
             _read(MODEL.scatter, depth, model.DEPTH_TABLE_FROM_M, model.TABLE_PER_M),
         )
-        odds += np.where(known, weight * say, 0.0)
+        odds += np.where(known, weights[rank] * say, 0.0)
         free |= known & (depth < model.SURFACE_FROM_M)
         surface |= known & (depth >= model.SURFACE_FROM_M) & (depth <= model.SURFACE_TO_M)
         behind |= known & (depth > model.SURFACE_TO_M)
@@ -166,6 +166,8 @@ def _moved(
         )
     changed &= at_height
     here = nothing.copy()
+    if not changed.any():
+        return nothing, nothing
     reach = np.arange(0.5 * model.MOVED_STEP_M, model.MOVED_REACH_M, model.MOVED_STEP_M)
     for moved_m in np.concatenate([-reach, reach]):
         first = marks[changed] - share * moved_m * way
@@ -244,5 +246,5 @@ def _read(
     table: Float64Array, value: Float64Array, start: float, per_unit: float
 ) -> NDArray[np.float64]:
     """A table's entries; below its start the first one, beyond its end the last."""
-    at = np.nan_to_num((value - start) * per_unit, nan=0.0)
+    at = np.where(np.isnan(value), 0.0, (value - start) * per_unit)
     return np.asarray(table[np.clip(at, 0, len(table) - 1).astype(int)])
