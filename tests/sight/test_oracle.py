@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from made_scans import street_scan, turned
 
+from intervis.drives import open_drive
 from intervis.sight import Scene
 from intervis.sight.engine import judge_lines
 from intervis.sight.oracle import judge_line
 from intervis.sight.scene import _ordered
+from intervis.transform import transform
 
 
 @pytest.fixture(scope="module")
@@ -37,12 +39,10 @@ def random_lines(rng: np.random.Generator, count: int):
 def compare(scene: Scene, a, b, moment_s=None) -> None:
     memory = scene._packed(moment_s)
     found = judge_lines(memory, *_ordered(a, b))
-    for i in range(len(a)):
-        verdict = judge_line(memory, a[i], b[i])
-        assert found.open[i] == pytest.approx(verdict.open, abs=1e-9), (a[i], b[i])
-        assert found.hidden[i] == pytest.approx(verdict.hidden, abs=1e-9), (a[i], b[i])
-        assert found.seen[i] == pytest.approx(verdict.seen, abs=1e-9), (a[i], b[i])
-        assert found.unknown_m[i] == pytest.approx(verdict.unknown_m, abs=1e-9), (a[i], b[i])
+    verdicts = [judge_line(memory, p, q) for p, q in zip(a, b, strict=True)]
+    for name in ("open", "hidden", "seen", "unknown_m", "shadow_m", "apart_s"):
+        expected = np.array([getattr(verdict, name) for verdict in verdicts])
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_engine_agrees_with_oracle_in_all_octants(scene, rng):
@@ -56,10 +56,25 @@ def test_engine_agrees_with_oracle_at_any_moment(scene, rng, moment_s):
 
 def test_states_are_the_oracles(scene, rng):
     a, b = random_lines(rng, 400)
-    sight = scene.sight_lines(a, b)
-    states = [judge_line(scene._packed(), p, q).state for p, q in zip(a, b, strict=True)]
-    assert sight.state.tolist() == states
-    assert set(states) == {-1, 0, 1}, "the lines must exercise all three answers"
+    for moment_s in (None, 0.55):
+        sight = scene.sight_lines(a, b, moment_s=moment_s)
+        memory = scene._packed(moment_s)
+        verdicts = [judge_line(memory, p, q) for p, q in zip(a, b, strict=True)]
+        states = [verdict.state for verdict in verdicts]
+        assert sight.state.tolist() == states
+        assert set(states) == {-1, 0, 1}, "the lines must exercise all three answers"
+        probability = [verdict.probability for verdict in verdicts]
+        np.testing.assert_allclose(sight.probability, probability, rtol=0, atol=1e-12)
+
+
+def test_one_scans_answers_are_the_oracles(rng):
+    alone = Scene.from_scan(street_scan(turned(0.0, 0.0, 0.0), seed=3))
+    a, b = random_lines(rng, 300)
+    verdicts = [judge_line(alone._packed(), p, q) for p, q in zip(a, b, strict=True)]
+    sight = alone.sight_lines(a, b)
+    assert sight.state.tolist() == [verdict.state for verdict in verdicts]
+    probability = [verdict.probability for verdict in verdicts]
+    np.testing.assert_allclose(sight.probability, probability, rtol=0, atol=1e-12)
 
 
 def test_engine_agrees_between_returns(scene, rng):
@@ -71,7 +86,28 @@ def test_engine_agrees_between_returns(scene, rng):
 
 
 @pytest.mark.slow
-def test_engine_agrees_on_many_lines(scene, rng):
-    """A fifth of a million; raise the count for an idle machine, 15 minutes a million."""
-    for part in range(10):
-        compare(scene, *random_lines(rng, 20_000), None if part % 2 else 0.08 * part)
+@pytest.mark.parametrize("part", range(20))
+def test_engine_agrees_on_two_million_lines(scene, part):
+    """All kinds of lines, half of them at a moment; two minutes for each twentieth."""
+    rng = np.random.default_rng([7, part])
+    for number in range(10):
+        moment_s = rng.uniform(-0.5, 1.5) if number % 2 else None
+        compare(scene, *random_lines(rng, 10_000), moment_s)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+@pytest.mark.parametrize("scans", [1, 12])
+def test_engine_agrees_on_real_scans(shared_data, rng, scans):
+    drive = open_drive(shared_data / "pcd_drive")
+    scene, points = Scene(), []
+    for number in drive.frame_numbers[:scans]:
+        frame = drive[number]
+        scene.add(frame.points, frame.pose, 0.1 * number)
+        points.append(transform(frame.pose, frame.points[:, :3].astype(np.float64)))
+    returns = np.vstack(points)
+    for moment_s in (None, 0.35, 2.0):
+        a = returns[rng.integers(0, len(returns), 20_000)]
+        b = returns[rng.integers(0, len(returns), 20_000)]
+        a[::2] = scene.poses[0, :3, 3] + rng.normal(0.0, 4.0, (10_000, 3)) * [1.0, 1.0, 0.1]
+        compare(scene, a, b, moment_s)

@@ -159,3 +159,10 @@ def test_nothing_scored():
 def test_bad_answers_are_refused(truth, sure, state, message):
     with pytest.raises(PointsError, match=message):
         score(truth, sure, state)
+
+
+def test_nothing_scored_has_empty_bins():
+    nothing = average([score([], []), score([], [])])
+    assert nothing.reliability.weight.tolist() == [0.0] * 10
+    assert np.isnan(nothing.reliability.largest_gap)
+    assert nothing.count == 0

@@ -29,7 +29,7 @@ LOOK = {
 }
 """Drawn in this order: what is seen lies over what is not."""
 
-SHOWN_M = 40.0
+SHOWN_M, EDGE_M = 40.0, 2.0
 
 
 def sight_from_above(
@@ -57,18 +57,18 @@ def sight_from_above(
     MissingExtraError
         matplotlib (extra ``plots``) is not installed.
     """
-    with page_figure(6.6) as (figure, axes):
+    window = _window(points, viewpoint, end)
+    wide_m, high_m = window[1] - window[0]
+    with page_figure(1.0 + 5.6 * high_m / wide_m) as (figure, axes):
         for state, (name, colour) in LOOK.items():
             chosen = sight.state == state
             share = f"{name}, {100 * chosen.mean():.0f} %" if len(chosen) else name
             dots(axes, points[chosen], s=1.2, color=colour, label=share)
         _draw_line(axes, viewpoint, end, line)
         mark_viewpoint(axes, viewpoint)
-        middle = (viewpoint + end) / 2
-        reach = max(SHOWN_M, 0.6 * float(np.abs(end - viewpoint)[:2].max()))
         axes.set(
-            xlim=(middle[0] - reach, middle[0] + reach),
-            ylim=(middle[1] - reach, middle[1] + reach),
+            xlim=window[:, 0],
+            ylim=window[:, 1],
             aspect="equal",
             xlabel="x forward, m",
             ylabel="y left, m",
@@ -76,6 +76,19 @@ def sight_from_above(
         )
         legend_below(figure, axes)
         return figure
+
+
+def _window(points: FloatArray, viewpoint: Float64Array, end: Float64Array) -> Float64Array:
+    """Lower and upper corner (2, 2) of what is shown: the line, and the returns around it."""
+    ends = np.stack([viewpoint, end])[:, :2].astype(np.float64)
+    middle = ends.mean(axis=0)
+    reach = max(SHOWN_M, 0.6 * float(np.abs(ends[1] - ends[0]).max()))
+    near = points[(np.abs(points[:, :2] - middle) < reach).all(axis=1), :2]
+    corners = np.vstack([ends, np.quantile(near, [0.002, 0.998], axis=0) if len(near) else ends])
+    low, high = corners.min(axis=0) - EDGE_M, corners.max(axis=0) + EDGE_M
+    # not flatter or steeper than 1 to 2: what is said below needs room
+    lack = np.maximum(0.5 * (high - low)[::-1] - (high - low), 0.0) / 2
+    return np.stack([low - lack, high + lack])
 
 
 def _draw_line(axes: Any, start: Float64Array, end: Float64Array, line: "Explanation") -> None:

@@ -10,12 +10,9 @@ from intervis.kernels import in_parts, kernel
 from intervis.sight import evidence
 from intervis.sight.atlas import Memory
 from intervis.sight.block import new_block
-from intervis.sight.engine import (
-    Findings,
-    judge_some,
-    odds_table_of,
-)
+from intervis.sight.engine import judge_some, odds_table_of
 from intervis.sight.evidence import MODEL, Model
+from intervis.sight.findings import new_findings
 from intervis.sight.meeting import meet_surface
 
 VISIBLE, OCCLUDED, UNKNOWN = 1, 0, -1
@@ -31,8 +28,14 @@ class Rules(NamedTuple):
     occluded_seen: float
     unknown_m: float
     unknown_share: float
+    shadow_m: float
     end_m: float
     noise: float
+    sharpness: float
+    change_s: float
+    gone: float
+    came: float
+    most_changed: float
     max_range_m: float
 
 
@@ -71,11 +74,23 @@ def _put_in_order(
 
 
 @kernel
+def _probability_of(exponent: float, apart_s: float, rules: Rules) -> float:
+    """P(visible) of a line; `evidence.probability` and `evidence.changes` in one."""
+    moved = 1.0 - np.exp(-apart_s / rules.change_s)
+    gone = min(rules.gone * moved, rules.most_changed)
+    came = min(rules.came * moved, rules.most_changed)
+    fair = (0.5 - came) / (0.5 - gone)
+    still = 1.0 / (1.0 + fair * np.expm1(exponent) ** rules.sharpness)
+    return float(gone + (1.0 - gone - came) * still)
+
+
+@kernel
 def _state_of(
     probability: float,
     seen: float,
     hidden: float,
     unknown_m: float,
+    shadow_m: float,
     length: float,
     rules: Rules,
 ) -> int:
@@ -88,6 +103,7 @@ def _state_of(
         and seen < rules.visible_seen
         and hidden < rules.visible_hidden
         and unknown_m <= min(rules.unknown_m, rules.unknown_share * judged_m)
+        and shadow_m <= rules.shadow_m
     ):
         return 1
     return -1
@@ -109,10 +125,7 @@ def _answer_part(
     block, in_sensor = new_block(memory, model), np.empty((2, 3))
     first, second = np.empty((_AT_ONCE, 3)), np.empty((_AT_ONCE, 3))
     which = np.empty(_AT_ONCE, np.int64)
-    values = np.empty((6, _AT_ONCE))
-    found = Findings(
-        values[0], values[1], values[2], values[3], values[4], values[5], np.empty_like(which)
-    )
+    found = new_findings(_AT_ONCE)
     at = begin
     while at < stop:
         count = 0
@@ -133,8 +146,10 @@ def _answer_part(
             line, a, b = which[i], first[i], second[i]
             length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
             seen, hidden = found.seen[i], found.hidden[i]
-            probability = np.exp(-(rules.noise + found.open[i] + seen + hidden))
-            state = _state_of(probability, seen, hidden, found.unknown_m[i], length, rules)
+            exponent = rules.noise + found.open[i] + seen + hidden
+            probability = _probability_of(exponent, found.apart_s[i], rules)
+            unknown_m, shadow_m = found.unknown_m[i], found.shadow_m[i]
+            state = _state_of(probability, seen, hidden, unknown_m, shadow_m, length, rules)
             answers.state[line] = state
             answers.probability[line] = probability
             answers.clearance[line] = found.clearance_m[i]
@@ -186,6 +201,7 @@ def answer_lines(
     answers = Answers(
         np.empty(count, np.int8), np.empty(count), np.empty((count, 3)), np.empty(count)
     )
+    seen_once = len(memory.position) == 1
     rules = Rules(
         visible_from=float(visible_from),
         visible_seen=evidence.VISIBLE_SEEN,
@@ -193,8 +209,14 @@ def answer_lines(
         occluded_seen=evidence.OCCLUDED_SEEN,
         unknown_m=evidence.UNKNOWN_M,
         unknown_share=evidence.UNKNOWN_SHARE,
+        shadow_m=evidence.SHADOW_M,
         end_m=evidence.END_M,
         noise=evidence.NOISE,
+        sharpness=evidence.SHARPNESS,
+        change_s=evidence.CHANGE_S,
+        gone=evidence.GONE_SEEN_ONCE if seen_once else evidence.GONE,
+        came=evidence.CAME_SEEN_ONCE if seen_once else evidence.CAME,
+        most_changed=evidence.MOST_CHANGED,
         max_range_m=np.inf if max_range_m is None else float(max_range_m),
     )
     table = odds_table_of(model)

@@ -25,14 +25,14 @@ BLOCK_MARKS, BLOCK_LINES = 512, 64
 # Rows of a block's numbers about its marks. What one scan shows of them: horizontal range, the
 # place between two rows of its chart (-1 off the chart), how deep they lie behind its surface (no
 # number where it saw none; the nearest scan and the one across have rows of their own). What all
-# scans say: summed log-odds, least gap before a seen surface and least distance from one that is
-# met (inf with none), the rank of the scan that met it. The height above the nearest scan's
-# ground; whether something that moved stood there (1), has gone or is yet to come (-1); and the
-# share of the line that lies before them.
+# scans say: summed log-odds, least gap before a seen surface and least depth behind one or
+# distance from one that is met (inf with none), the rank of the scan that says the latter. The
+# height above the nearest scan's ground; whether something that moved stood there (1), has gone or
+# is yet to come (-1); and the share of the line that lies before them.
 RHO, SHARE, DEPTH, BY_NEAREST, BY_ACROSS, ODDS, GAP, NEAR, RANK, HEIGHT, MOVED, PART = range(12)
 # The same rows, once the odds are known: the exponent's parts by what was seen there, marks that
-# no scan saw, clearance of open space.
-SEEN, OPEN, HIDDEN, UNSEEN, CLEAR = ODDS, RHO, SHARE, DEPTH, BY_NEAREST
+# no scan saw, those of them that lie behind a surface, clearance of open space.
+SEEN, OPEN, HIDDEN, UNSEEN, SHADOW, CLEAR = ODDS, RHO, SHARE, DEPTH, BY_ACROSS, BY_NEAREST
 # Rows of places in tables, which no sum is made of: narrow, so that a block stays in the fastest
 # memory. The lower of two cells of the scan's chart, an entry of the table of odds, an entry of
 # the ground or of another table; and the values of the two cells.

@@ -13,8 +13,6 @@ through the kernel leads to. So a pass is one loop, returns at its end, and call
 with arrays; and what is called for each mark is handed numbers, not tuples of tables.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
@@ -24,22 +22,15 @@ from intervis.sight.block import (
     ACROSS,
     BY_ACROSS,
     BY_NEAREST,
-    CLEAR,
     DEPTH,
     FIRST,
-    GAP,
     HEIGHT,
-    HIDDEN,
     MOVED,
     NEAR,
     ODDS,
-    OPEN,
-    PIECE,
     PLACE,
     RANK,
-    SEEN,
     STEP,
-    UNSEEN,
     WAY,
     Block,
     Int32Array,
@@ -48,7 +39,8 @@ from intervis.sight.block import (
     turn_to_scan,
 )
 from intervis.sight.chart import Int16Array
-from intervis.sight.evidence import MODEL, NOISE, Model
+from intervis.sight.evidence import MODEL, Model
+from intervis.sight.findings import Findings, add_up, new_findings, sort_out
 from intervis.sight.marks import aim, divide, look, measure, meet, raise_above_ground, weigh, within
 from intervis.sight.moved import (
     CHANGED,
@@ -60,30 +52,6 @@ from intervis.sight.moved import (
     motion_of,
     stood_here,
 )
-
-
-class Findings(NamedTuple):
-    """What the marks of L lines add up to; see `evidence`.
-
-    The exponent -log P(visible) in three parts: `open`, marks in free space; `seen`, marks at
-    seen surfaces; `hidden`, marks that no scan saw, whose length is `unknown_m`.
-    `clearance_m` is the least gap to a surface or the ground on the way (inf with none);
-    `worst_m` the distance from the line's first end to the mark at a seen surface that is most
-    likely filled, `worst_scan` the scan that says so (-1: there is none).
-    """
-
-    open: Float64Array
-    seen: Float64Array
-    hidden: Float64Array
-    unknown_m: Float64Array
-    clearance_m: Float64Array
-    worst_m: Float64Array
-    worst_scan: IntArray
-
-    @property
-    def exponent(self) -> Float64Array:
-        """-log P(visible)."""
-        return NOISE + self.open + self.seen + self.hidden
 
 
 @kernel
@@ -122,9 +90,9 @@ def _follow(
                 marks[MOVED, m] = GONE
                 continue
             marks[MOVED, m] = HERE
-            if marks[NEAR, m] == np.inf:
+            if marks[NEAR, m] > motion.surface_to_m:
                 one, other = marks[BY_NEAREST, m], marks[BY_ACROSS, m]
-                marks[NEAR, m] = abs(max(one, other))
+                marks[NEAR, m] = motion.surface_to_m
                 marks[RANK, m] = 0 if one > other else rank
 
 
@@ -168,62 +136,6 @@ def _fill(marks: Float64Array, places: Int32Array, count: int, shares: Float64Ar
     odds, place = marks[ODDS], places[PLACE]
     for m in range(count):
         odds[m] = shares[np.uint32(place[m])]
-
-
-@kernel
-def _sort_out(marks: Float64Array, count: int, buried_m: float, buried_share: float) -> None:
-    """Split the probabilities of the marks by what was seen there."""
-    gap, near, height = marks[GAP], marks[NEAR], marks[HEIGHT]
-    seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
-    unseen, clear = marks[UNSEEN], marks[CLEAR]
-    for m in range(count):
-        # One choice at a time, of numbers read before: conditions joined by "and", or a load that
-        # hangs on one, take twice as long.
-        ahead, met, above, share = gap[m], near[m], height[m], seen[m]
-        in_earth = above if ahead == np.inf else 0.0
-        met = 0.0 if in_earth < -buried_m else met
-        share = buried_share if in_earth < -buried_m else share
-        in_seen = share if met < np.inf else 0.0
-        in_open = share - in_seen if ahead < np.inf else 0.0
-        seen[m] = in_seen
-        free[m] = in_open
-        hidden[m] = share - in_seen - in_open
-        not_met = 1.0 if met == np.inf else 0.0
-        unseen[m] = not_met if ahead == np.inf else 0.0
-        least = min(ahead, above) if met == np.inf else np.inf
-        clear[m] = least if ahead < np.inf else np.inf
-
-
-@kernel
-def _add_up(count: int, block: Block, rate_per_m: float, at: int, found: Findings) -> None:
-    """The findings on a block's lines, whose marks are sorted out; the first is line `at`."""
-    marks = block.marks
-    seen, free, hidden = marks[SEEN], marks[OPEN], marks[HIDDEN]
-    unseen, clear, rank, height = marks[UNSEEN], marks[CLEAR], marks[RANK], marks[HEIGHT]
-    for i in range(count):
-        begin, end, piece = block.span[i, 0], block.span[i, 1], block.lines[i, PIECE]
-        in_seen, in_open, in_hidden, marks_unseen, least = 0.0, 0.0, 0.0, 0.0, np.inf
-        for m in range(begin, end):
-            in_seen += seen[m]
-            in_open += free[m]
-            in_hidden += hidden[m]
-            marks_unseen += unseen[m]
-            least = min(least, clear[m])
-        worst, worst_height, worst_at, worst_scan = 0.0, np.inf, 0.0, -1
-        if in_seen > 0.0:
-            for m in range(begin, end):
-                # of marks under the ground, all as bad, the one next to its surface
-                if seen[m] > worst or (seen[m] == worst > 0.0 and height[m] > worst_height):
-                    worst, worst_height = seen[m], height[m]
-                    worst_scan = block.chosen[i, int(rank[m])]
-                    worst_at = m - begin + block.lines[i, FIRST]
-        found.seen[at + i] = in_seen * rate_per_m * piece
-        found.open[at + i] = in_open * rate_per_m * piece
-        found.hidden[at + i] = in_hidden * rate_per_m * piece
-        found.unknown_m[at + i] = marks_unseen * piece
-        found.clearance_m[at + i] = max(least, 0.0)
-        found.worst_m[at + i] = worst_at * piece
-        found.worst_scan[at + i] = worst_scan
 
 
 @kernel
@@ -274,8 +186,8 @@ def judge_some(
             _decide_moved(marks, in_all, model.moved_here, model.moved_away)
         _find_places(marks, ODDS, places, in_all, share_from, shares_per_odds, len(shares))
         _fill(marks, places, in_all, shares)
-        _sort_out(marks, in_all, model.buried_m, model.buried_rate_per_m / model.rate_per_m)
-        _add_up(count, block, model.rate_per_m, at, found)
+        sort_out(marks, in_all, model)
+        add_up(later_s, count, block, model, at, found)
         at += count
 
 
@@ -292,8 +204,7 @@ def judge_lines(
     The caller orders the two ends, so that a line and its reverse are the same line here.
     """
     count, table = len(first), odds_table_of(model)
-    a, b, c, d, e, f = np.empty((6, count))
-    found = Findings(a, b, c, d, e, f, np.empty(count, np.int64))
+    found = new_findings(count)
 
     def work(start: int, stop: int) -> None:
         part, block = slice(start, stop), new_block(memory, model)

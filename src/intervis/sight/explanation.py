@@ -62,7 +62,7 @@ def explain(
     >>> y, z = np.meshgrid(np.arange(-5, 5, 0.04), np.arange(-1.5, 1.5, 0.06))
     >>> wall = np.stack([np.full(y.size, 10.0), y.ravel(), z.ravel()], axis=1)
     >>> print(explain(Scene.from_scan(wall), [0, 0, 0], [30, 1, 0]))
-    Occluded: visible with a probability of 9 %. A surface that was seen blocks the line...
+    Occluded: visible with a probability of 15 %. A surface that was seen blocks the line...
     """
     start = checked_point(viewpoint, "viewpoint")
     end = checked_point(target, "target")

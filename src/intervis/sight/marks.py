@@ -122,16 +122,15 @@ def measure(to: int, runs: int, block: Block, model: Model) -> None:
 
 @kernel
 def meet(marks: Float64Array, by: int, n: int, count: int, model: Model) -> None:
-    """What the n-th scan's depths say of the gap before surfaces, and of marks that meet one."""
-    surface_from_m, surface_to_m = model.surface_from_m, model.surface_to_m
+    """What the n-th scan's depths say of the gaps before surfaces, and of the ways behind them."""
+    surface_from_m = model.surface_from_m
     depth_of, gap_of, near_of, rank_of = marks[by], marks[GAP], marks[NEAR], marks[RANK]
     later, rank = n > 0, float(n)
     for m in range(count):
         # read whether used or not: a load on a condition is four times as slow as the rest
         depth, gap_before, before, rank_before = depth_of[m], gap_of[m], near_of[m], rank_of[m]
-        met = (depth >= surface_from_m) & (depth <= surface_to_m)
         gap = -depth if depth < surface_from_m else np.inf
-        near = abs(depth) if met else np.inf
+        near = abs(depth) if depth >= surface_from_m else np.inf
         gap_of[m] = min(gap_before, gap) if later else gap
         near_of[m] = min(before, near) if later else near
         rank_of[m] = rank_before if later & (near >= before) else rank

@@ -26,7 +26,7 @@ class _Kept:
 
 
 class ScanMemory:
-    """Charts in one pool of memory, oldest first.
+    """Charts in one pool of memory, oldest first: by their stamps if all have one, else as added.
 
     When it is full, the scan that is oldest and farthest from the newest one makes room: age and
     distance, each as a share of the greatest, are added. A scan equal to a remembered one, at the
@@ -86,6 +86,8 @@ class ScanMemory:
         place[:] = chart.cells
         kept_chart = replace(chart, cells=place)
         self._kept.append(_Kept(slot, kept_chart, scene_from_sensor, stamp_s))
+        if not np.isnan(self.stamps_s).any():
+            self._kept.sort(key=lambda kept: kept.stamp_s)
 
     def _forget_equal(self, chart: Chart, pose: Float64Array) -> None:
         for at, kept in enumerate(self._kept):

@@ -19,18 +19,31 @@ from intervis.sight.moved import LEAST_WAY_M
 
 
 class Verdict(NamedTuple):
-    """One line: the three parts of -log P(visible), and the length that no scan saw."""
+    """One line: the three parts of its exponent, and the length that no scan saw.
+
+    Of that, `shadow_m` lies behind seen surfaces; `judged_m` is the length looked at. `apart_s` is
+    the time between the moment and the nearest of the scans, of which the scene has so many.
+    """
 
     open: float
     seen: float
     hidden: float
     unknown_m: float
+    shadow_m: float
     judged_m: float
+    apart_s: float
+    scans: int
 
     @property
     def exponent(self) -> float:
-        """-log P(visible)."""
+        """What stops the line: x of `evidence`."""
         return model.NOISE + self.open + self.seen + self.hidden
+
+    @property
+    def probability(self) -> float:
+        """P(visible)."""
+        gone, came = model.changes(self.apart_s, self.scans)
+        return float(model.probability(self.exponent, gone, came))
 
     @property
     def state(self) -> int:
@@ -38,10 +51,11 @@ class Verdict(NamedTuple):
         if self.seen > model.OCCLUDED_SEEN:
             return 0
         if (
-            np.exp(-self.exponent) >= model.VISIBLE_FROM
+            self.probability >= model.VISIBLE_FROM
             and self.seen < model.VISIBLE_SEEN
             and self.hidden < model.VISIBLE_HIDDEN
             and self.unknown_m <= min(model.UNKNOWN_M, model.UNKNOWN_SHARE * self.judged_m)
+            and self.shadow_m <= model.SHADOW_M
         ):
             return 1
         return -1
@@ -52,12 +66,12 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
     a, b = sorted((np.asarray(a, np.float64), np.asarray(b, np.float64)), key=tuple)
     marks, piece = _marks(a, b)
     odds = np.zeros(len(marks))
-    free, surface = np.zeros(len(marks), bool), np.zeros(len(marks), bool)
+    free, surface, behind = np.zeros((3, len(marks)), bool)
     scans = _chosen_scans(memory, a, b)
     height = np.zeros(len(marks))
     depths = []
+    weights = model.scan_weights(len(scans))
     for rank, k in enumerate(scans):
-        weight = model.scan_weights(len(scans))[rank]
         points = marks @ memory.sensor_from_scene[k, :, :3].T + memory.sensor_from_scene[k, :, 3]
         if rank == 0:
             height = _height_above_ground(memory, k, points)
@@ -68,9 +82,10 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
             _read(MODEL.solid, depth, model.DEPTH_TABLE_FROM_M, model.TABLE_PER_M),
             _read(MODEL.scatter, depth, model.DEPTH_TABLE_FROM_M, model.TABLE_PER_M),
         )
-        odds += np.where(known, weight * say, 0.0)
+        odds += np.where(known, weights[rank] * say, 0.0)
         free |= known & (depth < model.SURFACE_FROM_M)
         surface |= known & (depth >= model.SURFACE_FROM_M) & (depth <= model.SURFACE_TO_M)
+        behind |= known & (depth > model.SURFACE_TO_M)
     odds += _read(MODEL.heights, height, model.HEIGHT_TABLE_FROM_M, model.TABLE_PER_M)
     here, gone = _moved(memory, a, b, scans, marks, depths, height)
     odds = np.where(here, np.maximum(odds, model.MOVED_HERE), odds)
@@ -79,13 +94,17 @@ def judge_line(memory: Memory, a: Float64Array, b: Float64Array) -> Verdict:
     surface |= here | buried
     share = _read(MODEL.shares, odds, model.SHARE_TABLE_FROM, model.SHARES_PER_ODDS)
     filled = piece * np.where(buried, model.BURIED_RATE_PER_M, model.RATE_PER_M * share)
-    open_space = free & ~surface
+    open_space, dark = free & ~surface, ~free & ~surface
+    later_s = float(memory.later_s[scans[0]])
     return Verdict(
         float(filled[open_space].sum()),
         float(filled[surface].sum()),
-        float(filled[~free & ~surface].sum()),
-        float(piece * np.count_nonzero(~free & ~surface)),
+        float(filled[dark].sum()),
+        float(piece * np.count_nonzero(dark)),
+        float(piece * np.count_nonzero(dark & behind)),
         max(float(np.linalg.norm(b - a)) - 2.0 * model.END_M, 0.0),
+        model.USUAL_S if np.isnan(later_s) else abs(later_s),
+        len(memory.position),
     )
 
 
@@ -147,6 +166,8 @@ def _moved(
         )
     changed &= at_height
     here = nothing.copy()
+    if not changed.any():
+        return nothing, nothing
     reach = np.arange(0.5 * model.MOVED_STEP_M, model.MOVED_REACH_M, model.MOVED_STEP_M)
     for moved_m in np.concatenate([-reach, reach]):
         first = marks[changed] - share * moved_m * way
@@ -225,5 +246,5 @@ def _read(
     table: Float64Array, value: Float64Array, start: float, per_unit: float
 ) -> NDArray[np.float64]:
     """A table's entries; below its start the first one, beyond its end the last."""
-    at = np.nan_to_num((value - start) * per_unit, nan=0.0)
+    at = np.where(np.isnan(value), 0.0, (value - start) * per_unit)
     return np.asarray(table[np.clip(at, 0, len(table) - 1).astype(int)])

@@ -10,6 +10,7 @@ from intervis.drives import Drive
 from intervis.errors import DriveError
 from intervis.transform import transform
 from intervis.truth import exact
+from intervis.truth.changed import changed_between
 from intervis.truth.evaluation import Evaluation, run_questions
 from intervis.truth.held_out import judge
 from intervis.truth.methods import Method, ours, theirs
@@ -60,6 +61,8 @@ def evaluate_held_out(
     Returns
     -------
     Evaluation
+        Its rows tell lines on which something moved between the two scans from the others; see
+        `intervis.truth.changed`.
 
     Raises
     ------
@@ -189,12 +192,16 @@ def _held_out_questions(drive: Drive, pairs: Pairs, protocol: Protocol) -> Quest
                 f"scan {j} can judge no point of scan {i}: choose frames that see the same place."
             )
         numbers = _nearest(frames_to_see(protocol, poses, i, j), poses, poses[j], i)
+        viewpoint = poses[j][:3, 3].copy()
+        targets = transform(poses[i], scan_of(i)[judgement.index])
+        changed = changed_between(viewpoint, targets, scan_of(i), poses[i], scan_of(j), poses[j])
         yield Question(
             f"{i}:{j}",
             _seen(drive, numbers, poses, scan_of, i, j),
-            poses[j][:3, 3].copy(),
-            transform(poses[i], scan_of(i)[judgement.index]),
+            viewpoint,
+            targets,
             judgement.visible,
+            {"nothing moved": ~changed, "something moved": changed},
         )
 
 

@@ -232,6 +232,8 @@ def reliability(truth: BoolArray, probability: Float64Array) -> Reliability:
 
 
 def _pooled(parts: Sequence[Reliability]) -> Reliability:
+    if not parts:
+        return reliability(np.empty(0, dtype=bool), np.empty(0))
     weight = np.sum([part.weight for part in parts], axis=0)
     said = np.sum([np.nan_to_num(part.said) * part.weight for part in parts], axis=0)
     true = np.sum([np.nan_to_num(part.true) * part.weight for part in parts], axis=0)
