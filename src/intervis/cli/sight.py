@@ -61,7 +61,7 @@ def sight(
     scene = remembered_scene(drive, now, asked_frames)
     remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
     show(f"{drive.name}, frame {now.number}, {remembered}; coordinates in its sensor's frame.")
-    # at the time of frame N where stamps tell it
+    # at the time of frame N; over several frames, where their stamps tell it
     moment_s = None if np.isnan(scene.stamps_s).any() else 0.0
     explained = explain(scene, from_point, to_point, moment_s=moment_s)
     show(str(explained))
@@ -85,15 +85,19 @@ def _named_place(frame: "Frame", name: str | None) -> Place:
 def remembered_scene(
     drive: "Drive", now: "Frame", frames: tuple[int | None, int | None] | None
 ) -> "Scene":
-    """What frame `now` saw, and the other frames asked for, all in its sensor's frame."""
+    """What frame `now` saw, and the other frames asked for, all in its sensor's frame.
+
+    Stamps are seconds after frame `now`, where the drive tells.
+    """
     from intervis.errors import DriveError
     from intervis.sight import Scene
     from intervis.stream import selected_frames
     from intervis.transform import inverse
 
-    if frames is None:
-        return Scene.from_scan(now.points)
     scene = Scene()
+    if frames is None:
+        scene.add(now.points, None, 0.0)
+        return scene
     for number in selected_frames(drive.frame_numbers, frames):
         if number == now.number:
             continue
