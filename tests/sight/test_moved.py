@@ -10,7 +10,6 @@ from intervis.sight import Scene
 from intervis.sight.engine import judge_lines
 from intervis.sight.evidence import MODEL
 from intervis.sight.oracle import judge_line
-from intervis.sight.scene import _ordered
 
 HOUSE = [-40.0, 12.0, GROUND_M, 60.0, 14.0, 6.0]
 TARGET_Y, HEIGHT_M = 11.8, -0.9
@@ -48,7 +47,7 @@ def test_a_car_that_drives_past_stands_between_its_places(first_x, last_x):
     truth = clear(np.broadcast_to(viewpoint, targets.shape), targets, np.array([car(middle)]))
     sight = scene.sight(viewpoint, targets)
     assert ((sight.probability >= 0.5) == truth).mean() > 0.8
-    ends = _ordered(np.broadcast_to(viewpoint, targets.shape), targets)
+    ends = np.broadcast_to(viewpoint, targets.shape), targets
     still = judge_lines(scene._packed(), *ends, MODEL._replace(changed_low_m=99.0))
     wrong = (sight.probability >= 0.5) != truth
     assert wrong.sum() < 0.5 * ((np.exp(-still.exponent) >= 0.5) != truth).sum()
@@ -76,7 +75,7 @@ def test_the_gap_between_parked_cars_stays_as_open_as_each_scan_left_it():
         boxes = np.array([HOUSE, car(-3.0), car(4.0)])
         scene.add(street_scan(pose, boxes=boxes), pose)
     viewpoint, targets = lines_through(3.0, np.linspace(-2.0, 8.0, 101))
-    ends = _ordered(np.broadcast_to(viewpoint, targets.shape), targets)
+    ends = np.broadcast_to(viewpoint, targets.shape), targets
     followed = judge_lines(scene._packed(), *ends)
     still = judge_lines(scene._packed(), *ends, MODEL._replace(changed_low_m=99.0))
     assert (np.exp(-followed.exponent) > np.exp(-still.exponent) - 0.1).all()
@@ -90,8 +89,8 @@ def test_engine_is_the_oracle_where_something_moved(first_x, last_x, seed):
     a = rng.uniform([-4, -2, -1.2], [10, 2, 0.5], (30, 3))
     b = rng.uniform([-12, 6, -1.4], [18, 11.9, 0.5], (30, 3))
     memory = scene._packed()
-    found = judge_lines(memory, *_ordered(a, b))
-    back = judge_lines(memory, *_ordered(b, a))
+    found = judge_lines(memory, a, b)
+    back = judge_lines(memory, b, a)
     for i in range(len(a)):
         verdict = judge_line(memory, a[i], b[i])
         assert found.seen[i] == pytest.approx(verdict.seen, abs=1e-9)

@@ -10,7 +10,7 @@ from intervis.kernels import in_parts, kernel
 from intervis.sight import evidence
 from intervis.sight.atlas import Memory
 from intervis.sight.block import new_block
-from intervis.sight.engine import judge_some, odds_table_of
+from intervis.sight.engine import judge_some, odds_table_of, put_in_order
 from intervis.sight.evidence import MODEL, Model
 from intervis.sight.findings import new_findings
 from intervis.sight.meeting import meet_surface
@@ -53,24 +53,6 @@ def _is_able(a: Float64Array, b: Float64Array, max_range_m: float) -> bool:
     """Whether a line can be judged: its length is a number, and no greater than asked for."""
     length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
     return bool(np.isfinite(length) and length <= max_range_m)
-
-
-@kernel
-def _put_in_order(
-    a: Float64Array, b: Float64Array, first: Float64Array, second: Float64Array
-) -> None:
-    """The two ends of a line, the lexicographically smaller one first.
-
-    The engine never knows which end is the viewpoint: that is what makes answers reciprocal.
-    """
-    swap = False
-    for axis in range(3):
-        if a[axis] != b[axis]:
-            swap = a[axis] > b[axis]
-            break
-    for axis in range(3):
-        first[axis] = b[axis] if swap else a[axis]
-        second[axis] = a[axis] if swap else b[axis]
 
 
 @kernel
@@ -137,10 +119,11 @@ def _answer_part(
             answers.clearance[at] = np.nan
             answers.blocker[at] = np.nan
             if _is_able(a, b, rules.max_range_m):
-                _put_in_order(a, b, first[count], second[count])
+                first[count], second[count] = a, b
                 which[count] = at
                 count += 1
             at += 1
+        put_in_order(first[:count], second[:count])
         judge_some(memory, first[:count], second[:count], model, odds_table, block, found)
         for i in range(count):
             line, a, b = which[i], first[i], second[i]

@@ -7,11 +7,7 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
-from intervis.sight.atlas import (
-    Memory,
-    index_of,
-    to_sensor,
-)
+from intervis.sight.atlas import Memory, index_of, to_sensor
 from intervis.sight.chart import Int16Array
 from intervis.sight.evidence import Model
 

@@ -196,13 +196,32 @@ def odds_table_of(model: Model) -> Float64Array:
     return np.concatenate([model.scatter, model.solid, [0.0]])
 
 
-def judge_lines(
-    memory: Memory, first: Float64Array, second: Float64Array, model: Model = MODEL
-) -> Findings:
-    """Findings for L lines between finite points `first` and `second`, (L, 3) each, scene frame.
+@kernel
+def put_in_order(first: Float64Array, second: Float64Array) -> None:
+    """Swap the two ends of lines, (L, 3) each, so that the lexicographically smaller comes first.
 
-    The caller orders the two ends, so that a line and its reverse are the same line here.
+    The engine never knows which end is the viewpoint: that is what makes answers reciprocal.
     """
+    for i in range(len(first)):
+        swap = False
+        for axis in range(3):
+            if first[i, axis] != second[i, axis]:
+                swap = first[i, axis] > second[i, axis]
+                break
+        if swap:
+            for axis in range(3):
+                first[i, axis], second[i, axis] = second[i, axis], first[i, axis]
+
+
+def judge_lines(
+    memory: Memory, starts: Float64Array, ends: Float64Array, model: Model = MODEL
+) -> Findings:
+    """Findings for L lines between finite points, (L, 3) each, scene frame.
+
+    Where a finding lies along the line, it is counted from the end that comes first in order.
+    """
+    first, second = (np.array(points, np.float64, order="C") for points in (starts, ends))
+    put_in_order(first, second)
     count, table = len(first), odds_table_of(model)
     found = new_findings(count)
 

@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 
 from intervis.arrays import (
     Float64Array,
-    FloatArray,
     IntArray,
     checked_point,
     checked_points,
@@ -264,8 +263,8 @@ class Scene:
         self, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None
     ) -> float:
         """Metres of one line that no scan saw, its last 0.4 m at either end left aside."""
-        first, second = _ordered(checked_point(viewpoint)[None], checked_point(target)[None])
-        return float(judge_lines(self._packed(moment_s), first, second).unknown_m[0])
+        start, end = checked_point(viewpoint)[None], checked_point(target)[None]
+        return float(judge_lines(self._packed(moment_s), start, end).unknown_m[0])
 
     def _packed(self, moment_s: float | None = None) -> Memory:
         if len(self._memory) == 0:
@@ -305,17 +304,3 @@ def _targets(points: ArrayLike, name: str = "targets") -> Float64Array:
         array = array.astype(np.float64)
     # kernels are compiled for arrays that can be written to: one that cannot is copied
     return np.require(checked_points(array, name), np.float64, ["C", "W"])
-
-
-def _ordered(a: FloatArray, b: FloatArray) -> tuple[Float64Array, Float64Array]:
-    """The two ends of each line, the lexicographically smaller one first.
-
-    The engine never knows which end is the viewpoint: that is what makes answers reciprocal.
-    """
-    swap = a[:, 0] > b[:, 0]
-    level = a[:, 0] == b[:, 0]
-    swap |= level & (a[:, 1] > b[:, 1])
-    level &= a[:, 1] == b[:, 1]
-    swap |= level & (a[:, 2] > b[:, 2])
-    swap = swap[:, None]
-    return np.where(swap, b, a), np.where(swap, a, b)
