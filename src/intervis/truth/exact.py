@@ -17,6 +17,9 @@ is not asked about.
 Returns and free points are scored once more over the viewpoints that the scan saw (part
 ``from scanned space``): those to which a free way leads from the sensor, within the fan of its
 beams. From above the fan or from behind a wall, every line begins in space that no beam entered.
+And they are scored over the lines that the scan can honestly answer at all (part ``answerable``,
+see `intervis.truth.observed`): visible through space that beams crossed, or hidden by a surface
+that a beam hit.
 
 What is true: with s = 0.15 m + 1 % of the distance of the target, and h the distance at which the
 sight line first meets a triangle,
@@ -35,6 +38,7 @@ import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array, finite_rows
 from intervis.transform import inverse, transform
+from intervis.truth.observed import answerable
 from intervis.truth.question import Question, Questions
 from intervis.truth.rays import SegmentCaster
 from intervis.truth.rivals.seen import Seen
@@ -106,6 +110,8 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = Non
         sampling.viewpoints,
     )
     scanned = _seen_from(pose, scan, caster, viewpoints)
+    elevation_rad = _elevation(scan)
+    fan = (elevation_rad.min(), elevation_rad.max()) if len(scan) else (0.0, 0.0)
     for number, viewpoint in enumerate(viewpoints):
         kinds = _targets(scan, pose, caster, sampling, rng)
         targets = np.vstack(list(kinds.values()))
@@ -114,13 +120,18 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = Non
         judged = visible | occluded
         parts = {name: kind[judged] == place for place, name in enumerate(kinds)}
         counted = kind[judged] != len(kinds) - 1
+        told = answerable(caster, pose, fan, viewpoint, targets[judged], visible[judged])
         yield Question(
             label=f"{seen.asked} from {number}",
             seen=seen,
             viewpoint=viewpoint,
             targets=targets[judged],
             visible=visible[judged],
-            parts={**parts, "from scanned space": counted & scanned[number]},
+            parts={
+                **parts,
+                "from scanned space": counted & scanned[number],
+                "answerable": counted & told,
+            },
             counted=counted,
         )
 
