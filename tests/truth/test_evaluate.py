@@ -69,10 +69,12 @@ def test_in_the_exact_world_who_knows_is_always_right(drive):
     )
     row = evaluation.row_of("knows")
     assert row.mean.mcc > 0.99
-    assert list(row.parts) == ["returns", "free points", "anywhere", "from scanned space"]
+    kinds = ["returns", "free points", "anywhere"]
+    assert list(row.parts) == [*kinds, "from scanned space", "answerable"]
     assert len(evaluation.questions) == 3 * 2
     counts = [row.mean_of(part).count for part in row.parts]
     assert sum(counts[:2]) == evaluation.points == row.mean.count
+    assert 0 < counts[-1] < row.mean.count
     assert evaluation.truth == "exact world, rays by Embree"
 
 
