@@ -1,24 +1,6 @@
 """How long the two methods take that the paper compares with: `make bench`."""
 
-from pathlib import Path
-
-import pytest
-
-from intervis import open_drive
 from intervis.method.comparison import global_points, interpolation_points
-from intervis.worlds import simulate
-
-REAL = (
-    Path(__file__).resolve().parents[2]
-    / "shared/data/kitti_raw/2011_09_26/2011_09_26_drive_9001_sync"
-)
-
-
-@pytest.fixture(scope="session")
-def frame(tmp_path_factory):
-    path = REAL if REAL.is_dir() else simulate(tmp_path_factory.mktemp("world"), frames=1)
-    drive = open_drive(path)
-    return drive[drive.frame_numbers[0]]
 
 
 def test_interpolation_points(benchmark, frame):

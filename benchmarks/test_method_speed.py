@@ -1,26 +1,8 @@
-"""How long one frame takes: `make bench`. Medians; kernels are compiled before the clock starts.
-
-The frame is KITTI raw's first where the real scans lie beside the project, else a simulated one.
-"""
-
-from pathlib import Path
+"""How long one frame takes: `make bench`. Medians; kernels are compiled before the clock starts."""
 
 import pytest
 
-from intervis import Settings, analyze, open_drive
-from intervis.worlds import simulate
-
-REAL = (
-    Path(__file__).resolve().parents[2]
-    / "shared/data/kitti_raw/2011_09_26/2011_09_26_drive_9001_sync"
-)
-
-
-@pytest.fixture(scope="session")
-def frame(tmp_path_factory):
-    path = REAL if REAL.is_dir() else simulate(tmp_path_factory.mktemp("world"), frames=1)
-    drive = open_drive(path)
-    return drive[drive.frame_numbers[0]]
+from intervis import Settings, analyze
 
 
 @pytest.mark.parametrize("tau", [1, 10, 35, 100])

@@ -1,22 +1,17 @@
 """How long sight lines take, beside a triangulated scan and Embree: `make bench`.
 
-Medians; kernels are compiled before the clock starts. The scans are real ones where they lie
-beside the project, else simulated. The targets are the returns of the first scan, the viewpoint
-is where the sensor stood about 5 m farther on.
+Medians; kernels are compiled before the clock starts. The targets are the returns of the first
+scan, the viewpoint is where the sensor stood about 5 m farther on.
 """
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from intervis import open_drive
 from intervis.sight import Scene
 from intervis.transform import inverse, transform
-from intervis.worlds import simulate
 
-REAL = Path(__file__).resolve().parents[2] / "shared/data/pcd_drive"
 AWAY_M = 5.0
 SCANS = 7
 
@@ -31,10 +26,7 @@ class Question(NamedTuple):
 
 
 @pytest.fixture(scope="session")
-def question(tmp_path_factory):
-    path = REAL if REAL.is_dir() else simulate(tmp_path_factory.mktemp("world"), frames=14)
-    drive = open_drive(path)
-    frames = [drive[number] for number in drive.frame_numbers[:14]]
+def question(frames):
     first = frames[0]
     away_m = [np.linalg.norm(frame.pose[:3, 3] - first.pose[:3, 3]) for frame in frames]
     viewpoint = frames[int(np.argmin(np.abs(np.array(away_m) - AWAY_M)))].pose[:3, 3]
