@@ -7,9 +7,11 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
-from intervis.cli.terminal import show
+from intervis.cli.terminal import Advance, progress, show
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from intervis.drives import Drive, Frame
     from intervis.sight import Explanation, Scene
 
@@ -58,12 +60,15 @@ def sight(
     drive = open_drive(source, camera=camera)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
     from_point = from_point or _named_place(now, named)
-    scene = remembered_scene(drive, now, asked_frames)
+    numbers = _other_frames(drive, now, asked_frames)
+    with progress("scans", len(numbers) + 2) as advance:
+        scene = remembered_scene(drive, now, numbers, advance)
+        # at the time of frame N; over several frames, where their stamps tell it
+        moment_s = None if np.isnan(scene.stamps_s).any() else 0.0
+        explained = explain(scene, from_point, to_point, moment_s=moment_s)
+        advance("the line")
     remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
     show(f"{drive.name}, frame {now.number}, {remembered}; coordinates in its sensor's frame.")
-    # at the time of frame N; over several frames, where their stamps tell it
-    moment_s = None if np.isnan(scene.stamps_s).any() else 0.0
-    explained = explain(scene, from_point, to_point, moment_s=moment_s)
     show(str(explained))
     if picture is not None:
         _draw(picture, now, scene, from_point, to_point, moment_s, explained)
@@ -82,8 +87,19 @@ def _named_place(frame: "Frame", name: str | None) -> Place:
     return x, y, z
 
 
-def remembered_scene(
+def _other_frames(
     drive: "Drive", now: "Frame", frames: tuple[int | None, int | None] | None
+) -> list[int]:
+    """Numbers of the frames to remember beside frame `now`."""
+    from intervis.stream import selected_frames
+
+    if frames is None:
+        return []
+    return [n for n in selected_frames(drive.frame_numbers, frames) if n != now.number]
+
+
+def remembered_scene(
+    drive: "Drive", now: "Frame", numbers: "Sequence[int]", advance: Advance = lambda note: None
 ) -> "Scene":
     """What frame `now` saw, and the other frames asked for, all in its sensor's frame.
 
@@ -91,16 +107,10 @@ def remembered_scene(
     """
     from intervis.errors import DriveError
     from intervis.sight import Scene
-    from intervis.stream import selected_frames
     from intervis.transform import inverse
 
-    scene = Scene()
-    if frames is None:
-        scene.add(now.points, None, 0.0)
-        return scene
-    for number in selected_frames(drive.frame_numbers, frames):
-        if number == now.number:
-            continue
+    scene = Scene(most_scans=max(64, len(numbers) + 1))
+    for number in numbers:
         other = drive[number]
         if now.pose is None or other.pose is None:
             raise DriveError(
@@ -108,7 +118,9 @@ def remembered_scene(
                 f" {number if now.pose is not None else now.number} has none."
             )
         scene.add(other.points, inverse(now.pose) @ other.pose, _seconds_between(now, other))
-    scene.add(now.points, None, _seconds_between(now, now))
+        advance(f"frame {number}")
+    scene.add(now.points, None, _seconds_between(now, now) if numbers else 0.0)
+    advance(f"frame {now.number}")
     return scene
 
 
