@@ -94,7 +94,7 @@ def test_a_demo_leaves_drive_run_tables_pictures_and_page(demo):
         "run/frames/0000000000.npz",
         *(
             f"pictures/{n}.png"
-            for n in ("overview", "camera", "scan", "surface", "intervisibility")
+            for n in ("overview", "camera", "scan", "surface", "intervisibility", "sight")
         ),
     } <= there
     summary = json.loads((demo / "run" / "summary.json").read_text())
@@ -104,7 +104,7 @@ def test_a_demo_leaves_drive_run_tables_pictures_and_page(demo):
     for heading, name in (("n_raw", "n_raw"), ("n_fov", "n_fov"), ("nodes n", "n"), ("SP", "SP")):
         assert row[heading] == str(measures[name])
     page = (demo / "index.html").read_text()
-    assert page.count("data:image/png;base64,") == 5
+    assert page.count("data:image/png;base64,") == 6
     assert "seed 1" in page
     assert "://" not in page
 

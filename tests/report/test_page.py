@@ -108,6 +108,16 @@ def test_without_a_camera_there_is_no_camera_picture(tmp_path):
     ]
 
 
+def test_sight_lines_are_shown_where_asked_for(tmp_path):
+    drive, summary, _ = report_of(tmp_path)
+    report = report_run(drive, summary, tmp_path, with_sight=True)
+    assert report.paths[-1] == tmp_path / "pictures" / "sight.png"
+    assert report.paths[-1].read_bytes().startswith(b"\x89PNG")
+    seen = Seen(report.paths[0].read_text())
+    assert "Sight lines" in seen.text
+    assert "What is seen from ahead" in seen.text
+
+
 def test_a_run_without_frames_has_nothing_to_show(tmp_path):
     drive, summary, _ = report_of(tmp_path)
     with pytest.raises(OutputError, match="no frame to show"):

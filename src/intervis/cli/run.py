@@ -93,11 +93,20 @@ def _mention_missing_camera(drive: "Drive", place: "Viewpoint") -> None:
         tell("note: this drive has no camera, so the viewpoint is the sensor.")
 
 
-def show_report(drive: "Drive", summary: "RunSummary", out: Path, source_note: str = "") -> None:
+def show_report(
+    drive: "Drive",
+    summary: "RunSummary",
+    out: Path,
+    *,
+    source_note: str = "",
+    with_sight: bool = False,
+) -> None:
     """Draw pictures, write tables and a page, and print where they are."""
     from intervis.report.run_report import report_run
 
-    report = report_run(drive, summary, out, source_note=source_note)
+    with progress("report", 1) as advance:
+        report = report_run(drive, summary, out, source_note=source_note, with_sight=with_sight)
+        advance("done")
     for path in report.paths[1:]:
         show(f"Report: {path}")
     show(f"Page: {report.paths[0]}")

@@ -49,7 +49,7 @@ def demo(
     show_run(summary)
     show(f"Drive: {drive.root}")
     note = f"A simulated drive through the built-in street, seed {seed}."
-    show_report(drive, summary, out, note)
+    show_report(drive, summary, out, source_note=note, with_sight=True)
     return 1 if summary.failures else 0
 
 

@@ -5,13 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from intervis.arrays import finite_rows
 from intervis.errors import MissingExtraError, OutputError
 from intervis.report.page import Page, Picture
 from intervis.report.tables import Table, measures_table, times_table
 from intervis.results import frame_path, load_analysis, write_text
 
 if TYPE_CHECKING:
-    from intervis.drives import Drive
+    from intervis.drives import Drive, Frame
     from intervis.stream import RunSummary
 
 PICTURES = {
@@ -39,8 +42,17 @@ PICTURES = {
         "The finite elements over the ground, with the intervisibility points and edges of"
         " Algorithm 1 and the region that they enclose; on the right the near part, enlarged.",
     ),
+    "sight": (
+        "What is seen from ahead",
+        "The same scan, asked which of its returns are seen from the star. Visible: beams crossed"
+        " the space in between. Occluded: a surface that was seen stands in between. Unknown:"
+        " nobody looked there, or it is too close to call.",
+    ),
 }
 """Heading and caption of each picture, by the name of its file."""
+
+AHEAD_M = 8.0
+"""So far ahead of the sensor stands the viewpoint of the sight lines shown."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +64,12 @@ class RunReport:
 
 
 def report_run(
-    drive: "Drive", summary: "RunSummary", out: Path, *, source_note: str = ""
+    drive: "Drive",
+    summary: "RunSummary",
+    out: Path,
+    *,
+    source_note: str = "",
+    with_sight: bool = False,
 ) -> RunReport:
     """Draw a run's middle frame and write its tables and page.
 
@@ -66,6 +83,8 @@ def report_run(
         Folder: ``index.html``, ``measures.md``, ``measures.csv``, ``pictures/*.png``.
     source_note : str
         A sentence about the drive for the head of the page.
+    with_sight : bool
+        Whether sight lines are shown as well: what the same scan says is seen from ahead.
 
     Raises
     ------
@@ -75,7 +94,7 @@ def report_run(
     if not summary.frames:
         raise OutputError(f"the run in {summary.out} has no frame to show.")
     number = summary.frames[len(summary.frames) // 2].number
-    pictures, missing = _pictures(drive, summary, number, out / "pictures")
+    pictures, missing = _pictures(drive, summary, number, out / "pictures", with_sight)
     every_frame = measures_table(summary.frames, few=None)
     times = times_table(summary.content["times_s"], len(summary.frames))
     lead = _lead(summary, number, source_note, missing)
@@ -91,16 +110,31 @@ def report_run(
 
 
 def _pictures(
-    drive: "Drive", summary: "RunSummary", number: int, folder: Path
+    drive: "Drive", summary: "RunSummary", number: int, folder: Path, with_sight: bool
 ) -> tuple[list[Picture], str | None]:
     from intervis.report.figures import save_pictures
 
     analysis = load_analysis(frame_path(summary.out, number))
     try:
         paths = save_pictures(drive[number], analysis, folder)
+        if with_sight:
+            paths = [*paths, _save_sight(drive[number], folder / "sight.png")]
     except MissingExtraError as error:
         return [], f"the pictures are left out. {error}"
     return [Picture(path, *PICTURES[path.stem]) for path in paths], None
+
+
+def _save_sight(frame: "Frame", path: Path) -> Path:
+    """Draw what a scan says is seen from a place ahead of its sensor."""
+    from intervis.report.sight_figure import sight_from_above
+    from intervis.report.style import save_figure
+    from intervis.sight import Scene
+
+    points = frame.points[finite_rows(frame.points), :3]
+    scene, ahead = Scene(), np.array([AHEAD_M, 0.0, 0.0])
+    scene.add(points, None, 0.0)
+    save_figure(sight_from_above(points, scene.sight(ahead, points, moment_s=0.0), ahead), path)
+    return path
 
 
 def _lead(summary: "RunSummary", number: int, source_note: str, missing: str | None) -> str:
@@ -122,8 +156,11 @@ def _page(
     chosen = ", ".join(f"{name} = {value}" for name, value in settings.items())
     versions = ", ".join(f"{name} {version}" for name, version in content["versions"].items())
     parts: list[Picture | Table | str] = [*pictures[:1], "Measures", tables[0], "Times", tables[1]]
-    if pictures[1:]:
-        parts += ["Step by step", *pictures[1:]]
+    steps = [picture for picture in pictures[1:] if picture.path.stem != "sight"]
+    if steps:
+        parts += ["Step by step", *steps]
+    if len(steps) + 1 < len(pictures):
+        parts += ["Sight lines", *pictures[len(steps) + 1 :]]
     return Page(
         title=f"Intervisibility of {source['name']}",
         lead=lead,

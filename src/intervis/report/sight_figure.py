@@ -36,10 +36,10 @@ def sight_from_above(
     points: FloatArray,
     sight: "Sight",
     viewpoint: Float64Array,
-    line: "Explanation",
-    end: Float64Array,
+    line: "Explanation | None" = None,
+    end: Float64Array | None = None,
 ) -> "Figure":
-    """The returns of a scan, coloured by whether they are seen from the viewpoint; and one line.
+    """The returns of a scan, coloured by whether they are seen from the viewpoint; and a line.
 
     Parameters
     ----------
@@ -47,24 +47,25 @@ def sight_from_above(
         Returns, scene frame, metres.
     sight : Sight
         Of the sight lines from the viewpoint to each of them, shape (K,).
-    viewpoint, end : (3,) float64 arrays
-        Ends of the line that is drawn in, metres.
-    line : Explanation
-        What is said of it.
+    viewpoint : (3,) float64 array
+        Scene frame, metres.
+    line, end : Explanation and (3,) float64 array, or None
+        A line from the viewpoint that is drawn in, and what is said of it.
 
     Raises
     ------
     MissingExtraError
         matplotlib (extra ``plots``) is not installed.
     """
-    window = _window(points, viewpoint, end)
+    window = _window(points, viewpoint, viewpoint if end is None else end)
     wide_m, high_m = window[1] - window[0]
     with page_figure(1.0 + 5.6 * high_m / wide_m) as (figure, axes):
         for state, (name, colour) in LOOK.items():
             chosen = sight.state == state
             share = f"{name}, {100 * chosen.mean():.0f} %" if len(chosen) else name
             dots(axes, points[chosen], s=1.2, color=colour, label=share)
-        _draw_line(axes, viewpoint, end, line)
+        if line is not None and end is not None:
+            _draw_line(axes, viewpoint, end, line)
         mark_viewpoint(axes, viewpoint)
         axes.set(
             xlim=window[:, 0],
