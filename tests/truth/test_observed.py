@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from yard import SENSOR, YARD
 
-from intervis.truth.observed import answerable
+from intervis.truth.observed import Beams, answerable
 from intervis.truth.rays import BuiltInCaster, EmbreeCaster
 
 FAN = (np.radians(-25.0), np.radians(3.0))
@@ -30,13 +30,13 @@ BEHIND, BEHIND_LEFT = (20.0, -3.0, 1.0), (20.0, 3.0, 1.0)
     ],
 )
 def test_on_paper(make, start, end, visible, expected):
-    found = answerable(
-        make(YARD), SENSOR, FAN, np.array(start), np.array([end]), np.array([visible])
-    )
+    beams = Beams(make(YARD), SENSOR, *FAN)
+    found = answerable(beams, np.array(start), np.array([end]), np.array([visible]))
     assert found.tolist() == [expected]
 
 
 def test_no_lines_are_no_answers():
     nothing = np.empty((0, 3))
     none = np.empty(0, dtype=bool)
-    assert answerable(EmbreeCaster(YARD), SENSOR, FAN, np.zeros(3), nothing, none).shape == (0,)
+    beams = Beams.of_scan(EmbreeCaster(YARD), SENSOR, nothing)
+    assert answerable(beams, np.zeros(3), nothing, none).shape == (0,)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from intervis.cli import options
 from intervis.cli.terminal import progress, show, tell
-from intervis.errors import DriveError, OutputError
+from intervis.errors import DriveError
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
@@ -72,7 +73,7 @@ def evaluate(
 
     known, asked = checked_protocol(protocol), parsed_pairs(pairs) if pairs is not None else None
     for path in (json_file, markdown, plot):
-        _check_folder(path)
+        options.check_output_file(path)
     with _opened(source) as drive:
         evaluations = _evaluations(drive, asked, known, rivals)
         graphs = _graphs(drive, asked) if graph else {}
@@ -218,13 +219,3 @@ def _write_json(
         "graphs": {truth: [score.to_json() for score in of] for truth, of in graphs.items()},
     }
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
-
-
-def _check_folder(path: Path | None) -> None:
-    """Complain before the work, not after it."""
-    if path is None:
-        return
-    if path.is_dir():
-        raise OutputError(f"{path} is a folder: name a file.")
-    if not path.parent.is_dir():
-        raise OutputError(f"cannot write {path}: there is no folder {path.parent}.")

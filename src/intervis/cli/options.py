@@ -1,10 +1,10 @@
-"""Option texts into values: viewpoints, frame ranges, settings."""
+"""What options say, into values or a complaint: viewpoints, frame ranges, settings, files."""
 
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from intervis.errors import PointsError, SettingsError
+from intervis.errors import OutputError, PointsError, SettingsError
 
 if TYPE_CHECKING:
     from intervis.settings import Settings
@@ -123,3 +123,13 @@ def _value(text: str) -> Any:
         except ValueError:
             continue
     return text
+
+
+def check_output_file(path: Path | None) -> None:
+    """Complain about a file that cannot be written before the work, not after it."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise OutputError(f"{path} is a folder: name a file.")
+    if not path.parent.is_dir():
+        raise OutputError(f"cannot write {path}: there is no folder {path.parent}.")

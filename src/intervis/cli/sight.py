@@ -51,6 +51,7 @@ def sight(
     to_point = options.coordinates(end, "--to")
     named = start if start in ("camera", "sensor") else None
     from_point = None if named else options.coordinates(start, "--from")
+    options.check_output_file(picture)
 
     import numpy as np
 
@@ -119,7 +120,7 @@ def remembered_scene(
             )
         scene.add(other.points, inverse(now.pose) @ other.pose, _seconds_between(now, other))
         advance(f"frame {number}")
-    scene.add(now.points, None, _seconds_between(now, now) if numbers else 0.0)
+    scene.add(now.points, None, 0.0)
     advance(f"frame {now.number}")
     return scene
 

@@ -156,11 +156,11 @@ def _page(
     chosen = ", ".join(f"{name} = {value}" for name, value in settings.items())
     versions = ", ".join(f"{name} {version}" for name, version in content["versions"].items())
     parts: list[Picture | Table | str] = [*pictures[:1], "Measures", tables[0], "Times", tables[1]]
-    steps = [picture for picture in pictures[1:] if picture.path.stem != "sight"]
-    if steps:
-        parts += ["Step by step", *steps]
-    if len(steps) + 1 < len(pictures):
-        parts += ["Sight lines", *pictures[len(steps) + 1 :]]
+    sights = [picture for picture in pictures if picture.path.stem == "sight"]
+    steps = [picture for picture in pictures[1:] if picture not in sights]
+    for heading, shown in (("Step by step", steps), ("Sight lines", sights)):
+        if shown:
+            parts += [heading, *shown]
     return Page(
         title=f"Intervisibility of {source['name']}",
         lead=lead,

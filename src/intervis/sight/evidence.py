@@ -50,7 +50,7 @@ time that is asked about, of those that were open a share `came` is blocked (`ch
 
 where c leaves even odds even.
 
-That sum has three parts: `seen` from marks at surfaces (-0.2 m <= d <= 1.3 m for some scan), in
+The sum in x has three parts: `seen` from marks at surfaces (-0.2 m <= d <= 1.3 m for some scan), in
 earth, or where something that moved stood; `open` from other marks that some scan saw free; and
 `hidden` from marks that no scan saw. The three answers are
 
@@ -187,11 +187,10 @@ def probability(exponent: ArrayLike, gone: ArrayLike, came: ArrayLike) -> Float6
     return np.asarray(gone + (1.0 - gone - came) * still)
 
 
-def _table(start: float, knots: Float64Array, values: Float64Array) -> Float64Array:
-    """Values at the middles of steps of 1 / TABLE_PER_M from `start` to past the last knot."""
-    count = int(np.ceil((knots[-1] - start) * TABLE_PER_M)) + 1
-    middles = start + (np.arange(count) + 0.5) / TABLE_PER_M
-    return np.asarray(np.interp(middles, knots, values))
+def _middles(start: float, last: float) -> Float64Array:
+    """Middles of steps of 1 / TABLE_PER_M from `start` to past the last knot of a curve."""
+    count = int(np.ceil((last - start) * TABLE_PER_M)) + 1
+    return np.asarray(start + (np.arange(count) + 0.5) / TABLE_PER_M)
 
 
 class Model(NamedTuple):
@@ -232,6 +231,7 @@ class Model(NamedTuple):
 def usual_model() -> Model:
     """The model as fitted; engine and oracle read the same tables, so that they agree exactly."""
     share_odds = SHARE_TABLE_FROM + (np.arange(768) + 0.5) / SHARES_PER_ODDS
+    depth_m = _middles(DEPTH_TABLE_FROM_M, DEPTH_M[-1])
     weights = np.zeros((SCANS, SCANS))
     for count in range(1, SCANS + 1):
         weights[count - 1, :count] = scan_weights(count)
@@ -257,9 +257,9 @@ def usual_model() -> Model:
         share_from=SHARE_TABLE_FROM,
         shares_per_odds=SHARES_PER_ODDS,
         usual_s=USUAL_S,
-        solid=_table(DEPTH_TABLE_FROM_M, DEPTH_M, SOLID_ODDS),
-        scatter=_table(DEPTH_TABLE_FROM_M, DEPTH_M, SCATTER_ODDS),
-        heights=_table(HEIGHT_TABLE_FROM_M, HEIGHT_M, HEIGHT_ODDS),
+        solid=depth_odds(depth_m),
+        scatter=depth_odds(depth_m, solid=False),
+        heights=height_odds(_middles(HEIGHT_TABLE_FROM_M, HEIGHT_M[-1])),
         shares=1.0 / (1.0 + np.exp(-share_odds)),
         weights=weights,
     )

@@ -6,11 +6,10 @@ tells such lines from the others, by the returns of the two scans alone.
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from intervis.arrays import BoolArray, Float64Array, FloatArray, IntArray, finite_rows
-from intervis.kernels import thread_count
+from intervis.arrays import BoolArray, Float64Array, FloatArray, finite_rows
 from intervis.transform import inverse, transform
+from intervis.truth.directions import directions, nearest_directions
 
 AROUND_DEG = 1.0
 """A scan saw through a place where all of its beams within this angle of it went on."""
@@ -51,11 +50,11 @@ def seen_through(
     """
     found = np.zeros(len(points), dtype=bool)
     row = np.flatnonzero(finite_rows(points))
-    asked, asked_m = _directions(transform(inverse(other_pose) @ pose, points[row, :3]))
-    beams, beams_m = _directions(other[finite_rows(other), :3].astype(np.float64))
+    asked, asked_m = directions(transform(inverse(other_pose) @ pose, points[row, :3]))
+    beams, beams_m = directions(other[finite_rows(other), :3].astype(np.float64))
     if len(row) == 0 or len(beams) == 0:
         return found
-    nearest = _beside(beams, asked, AROUND_DEG)
+    _, nearest = nearest_directions(beams, asked, MOST_BEAMS, AROUND_DEG)
     there = nearest < len(beams)
     ranges = np.append(beams_m, np.inf)[nearest]
     beyond = ranges > (asked_m + BEYOND_M + BEYOND_SHARE * asked_m)[:, None]
@@ -96,31 +95,10 @@ def changed_between(
 
 def _passes(viewpoint: Float64Array, targets: Float64Array, things: Float64Array) -> BoolArray:
     """Which sight lines pass one of the points (T, 3) before they reach their target."""
-    aim, aim_m = _directions(targets - viewpoint)
-    ways, ways_m = _directions(things - viewpoint)
+    aim, aim_m = directions(targets - viewpoint)
+    ways, ways_m = directions(things - viewpoint)
     if len(ways) == 0 or len(aim) == 0:
         return np.zeros(len(targets), dtype=bool)
-    nearest = _beside(ways, aim, BESIDE_DEG)
+    _, nearest = nearest_directions(ways, aim, MOST_BEAMS, BESIDE_DEG)
     ranges = np.append(ways_m, np.inf)[nearest]
     return np.asarray((ranges < aim_m[:, None]).any(axis=1))
-
-
-def _beside(ways: Float64Array, asked: Float64Array, angle_deg: float) -> IntArray:
-    """Rows (K, 24) of the directions nearest to each asked one; `len(ways)` where none is left."""
-    tree = cKDTree(ways, balanced_tree=False, compact_nodes=False)
-    _, nearest = tree.query(
-        asked,
-        k=MOST_BEAMS,
-        distance_upper_bound=2.0 * np.sin(np.radians(angle_deg) / 2.0),
-        workers=thread_count(),
-    )
-    return np.asarray(nearest)
-
-
-def _directions(points: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Unit vectors (N, 3) and ranges (N,) of points; a point at the origin points upwards."""
-    range_m = np.linalg.norm(points, axis=1)
-    away = range_m > 0
-    ways = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    ways[away] = points[away] / range_m[away, None]
-    return ways, range_m

@@ -37,8 +37,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array, finite_rows
-from intervis.transform import inverse, transform
-from intervis.truth.observed import answerable
+from intervis.transform import transform
+from intervis.truth.observed import Beams, answerable
 from intervis.truth.question import Question, Questions
 from intervis.truth.rays import SegmentCaster
 from intervis.truth.rivals.seen import Seen
@@ -109,9 +109,8 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = Non
         lambda points: in_the_open(caster, points) & _clear_around(caster, points),
         sampling.viewpoints,
     )
-    scanned = _seen_from(pose, scan, caster, viewpoints)
-    elevation_rad = _elevation(scan)
-    fan = (elevation_rad.min(), elevation_rad.max()) if len(scan) else (0.0, 0.0)
+    beams = Beams.of_scan(caster, pose, scan)
+    scanned = beams.see(viewpoints)
     for number, viewpoint in enumerate(viewpoints):
         kinds = _targets(scan, pose, caster, sampling, rng)
         targets = np.vstack(list(kinds.values()))
@@ -120,7 +119,7 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = Non
         judged = visible | occluded
         parts = {name: kind[judged] == place for place, name in enumerate(kinds)}
         counted = kind[judged] != len(kinds) - 1
-        told = answerable(caster, pose, fan, viewpoint, targets[judged], visible[judged])
+        told = answerable(beams, viewpoint, targets[judged], visible[judged])
         yield Question(
             label=f"{seen.asked} from {number}",
             seen=seen,
@@ -158,20 +157,6 @@ def _targets(
             sampling.anywhere,
         ),
     }
-
-
-def _seen_from(
-    pose: Float64Array, scan: Float64Array, caster: SegmentCaster, points: Float64Array
-) -> BoolArray:
-    """Which points (K, 3) lie in the fan of a scan's beams, with a free way to the sensor."""
-    fan = _elevation(scan)
-    own = _elevation(transform(inverse(pose), points))
-    inside = (own >= fan.min()) & (own <= fan.max()) if len(fan) else np.zeros(len(own), bool)
-    return np.asarray(inside & ~caster.blocked(pose[:3, 3], points))
-
-
-def _elevation(points: Float64Array) -> Float64Array:
-    return np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1]))
 
 
 def truth(

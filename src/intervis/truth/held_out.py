@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from intervis.arrays import (
     BoolArray,
@@ -20,8 +19,8 @@ from intervis.arrays import (
     checked_points,
     finite_rows,
 )
-from intervis.kernels import thread_count
 from intervis.transform import checked_pose, inverse, transform
+from intervis.truth.directions import chord, directions, nearest_directions
 
 NEIGHBOUR_ANGLE_DEG = 0.25
 """Returns of the judging scan within this angle of a direction have a say about it."""
@@ -110,16 +109,19 @@ def judge(
     j_from_i = inverse(world_from_j) @ world_from_i
     viewpoint_i = transform(inverse(world_from_i), world_from_j[:3, 3])
 
-    direction_i, range_i = _directions(transform(j_from_i, xyz_i))
-    direction_j, range_j = _directions(xyz_j)
+    direction_i, range_i = directions(transform(j_from_i, xyz_i))
+    direction_j, range_j = directions(xyz_j)
     beams = np.flatnonzero(range_j > 0)
     asked = np.flatnonzero((range_i >= NEAREST_RANGE_M) & (range_i <= FARTHEST_RANGE_M))
     if len(beams) == 0 or len(asked) == 0:
         nothing = np.empty(0, dtype=np.int64)
         return Judgement(nothing, nothing.astype(bool), viewpoint_i, np.empty(0))
 
-    chord, ranges = _beams_beside(direction_j[beams], range_j[beams], direction_i[asked])
-    seen, hidden = _say(chord, ranges, range_i[asked])
+    apart, row = nearest_directions(
+        direction_j[beams], direction_i[asked], NEIGHBOUR_COUNT, NEIGHBOUR_ANGLE_DEG
+    )
+    ranges = np.append(range_j[beams], np.inf)[row]  # row == len(beams) marks "none"
+    seen, hidden = _say(apart, ranges, range_i[asked])
     judged = seen | hidden
     asked = asked[judged]
     return Judgement(row_i[asked], seen[judged], viewpoint_i, range_i[asked])
@@ -132,44 +134,13 @@ def _finite(points: FloatArray, name: str) -> tuple[IntArray, Float64Array]:
     return row, xyz[row].astype(np.float64)
 
 
-def _directions(points: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Unit vectors (N, 3) and ranges (N,); NaN where a point has no direction."""
-    range_m = np.sqrt(np.einsum("ij,ij->i", points, points))
-    with np.errstate(invalid="ignore"):
-        return points / range_m[:, None], range_m
-
-
-def _chord(angle_deg: float) -> float:
-    """Distance of two unit vectors that enclose an angle."""
-    return float(2.0 * np.sin(np.radians(angle_deg) / 2.0))
-
-
-def _beams_beside(
-    beam_direction: Float64Array, beam_range: Float64Array, asked_direction: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """Chord distance and range (K, 8) of the beams next to each asked direction.
-
-    Nearest first; infinite where there are fewer beams within the angle.
-    """
-    # Beams and asked directions both lie along rings: neighbours stay in the cache.
-    tree = cKDTree(beam_direction, balanced_tree=False, compact_nodes=False)
-    chord, row = tree.query(
-        asked_direction,
-        k=NEIGHBOUR_COUNT,
-        distance_upper_bound=_chord(NEIGHBOUR_ANGLE_DEG),
-        workers=thread_count(),
-    )
-    ranges = np.append(beam_range, np.inf)[row]  # row == len(beams) marks "none"
-    return chord, ranges
-
-
 def _say(
-    chord: Float64Array, ranges: Float64Array, asked_range: Float64Array
+    apart: Float64Array, ranges: Float64Array, asked_range: Float64Array
 ) -> tuple[BoolArray, BoolArray]:
     """Which asked points are visible and which occluded, (K,) each; both False: not judged."""
-    beside = np.isfinite(chord)
+    beside = np.isfinite(apart)
     asked = asked_range[:, None]
-    near_enough = chord[:, 0] < _chord(NEAREST_ANGLE_DEG)
+    near_enough = apart[:, 0] < chord(NEAREST_ANGLE_DEG)
     on_it = beside & (np.abs(ranges - asked) < SAME_M + SAME_SHARE * asked)
     before = ranges < asked - (BEFORE_M + BEFORE_SHARE * asked)
     seen = near_enough & on_it.any(axis=1)

@@ -5,6 +5,9 @@ surface that a beam has hit. Where neither is so, "unknown" is the right word ho
 and no method may be blamed for it. Here the world's triangles say what is so.
 """
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array
@@ -25,24 +28,67 @@ MOST_SURFACES = 8
 """So many surfaces along one line are looked at."""
 
 
-def answerable(
-    caster: SegmentCaster,
-    pose: Float64Array,
-    fan_rad: tuple[float, float],
-    viewpoint: Float64Array,
-    targets: Float64Array,
-    visible: BoolArray,
-) -> BoolArray:
-    """Which lines could be answered rightly, by their true answer, from what one scan saw.
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """The beams of one scan in a world of known triangles.
 
-    Parameters
+    Attributes
     ----------
     caster : SegmentCaster
         Over the triangles of the world, world frame.
     pose : (4, 4) float64 array
         world_from_velo of the scan.
-    fan_rad : (float, float)
-        Lowest and highest elevation of its beams, in the sensor's frame.
+    lowest_rad, highest_rad : float
+        Elevation of the lowest and the highest beam, in the sensor's frame.
+    """
+
+    caster: SegmentCaster
+    pose: Float64Array
+    lowest_rad: float
+    highest_rad: float
+
+    @classmethod
+    def of_scan(cls, caster: SegmentCaster, pose: Float64Array, scan: Float64Array) -> Self:
+        """Between the lowest and the highest return of a scan (N, 3), in its sensor's frame."""
+        if len(scan) == 0:
+            return cls(caster, pose, 0.0, 0.0)
+        elevation_rad = _elevation_rad(scan)
+        return cls(caster, pose, float(elevation_rad.min()), float(elevation_rad.max()))
+
+    def fan_holds(self, points: Float64Array) -> BoolArray:
+        """Whether a beam goes towards each of the points (M, 3), world frame."""
+        elevation_rad = _elevation_rad(transform(inverse(self.pose), points))
+        return np.asarray((elevation_rad >= self.lowest_rad) & (elevation_rad <= self.highest_rad))
+
+    def see(self, points: Float64Array) -> BoolArray:
+        """Whether the sensor has a free way to each of the points, within the fan."""
+        return np.asarray(self.fan_holds(points) & ~self.caster.blocked(self.pose[:3, 3], points))
+
+    def towards(self, points: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Range of points (M, 3) from the sensor, and how far a beam towards each of them goes.
+
+        The latter is NaN where no beam goes there, or none comes back.
+        """
+        way = points - self.pose[:3, 3]
+        range_m = np.linalg.norm(way, axis=1)
+        far = self.pose[:3, 3] + way * (RANGE_M / np.maximum(range_m, 1e-9))[:, None]
+        reach_m = self.caster.first_hit(self.pose[:3, 3], far)
+        return range_m, np.where(np.isfinite(reach_m) & self.fan_holds(points), reach_m, np.nan)
+
+
+def _elevation_rad(points_velo: Float64Array) -> Float64Array:
+    return np.arctan2(points_velo[:, 2], np.hypot(points_velo[:, 0], points_velo[:, 1]))
+
+
+def answerable(
+    beams: Beams, viewpoint: Float64Array, targets: Float64Array, visible: BoolArray
+) -> BoolArray:
+    """Which lines could be answered rightly, by their true answer, from what one scan saw.
+
+    Parameters
+    ----------
+    beams : Beams
+        Of that scan.
     viewpoint, targets : (3,), (K, 3) float64 arrays
         World frame, metres.
     visible : (K,) bool array
@@ -55,71 +101,42 @@ def answerable(
         beam hit one of the surfaces that the line meets.
     """
     found = np.zeros(len(targets), dtype=bool)
-    found[visible] = _crossed(caster, pose, fan_rad, viewpoint, targets[visible])
-    found[~visible] = _hit(caster, pose, fan_rad, viewpoint, targets[~visible])
+    found[visible] = _crossed(beams, viewpoint, targets[visible])
+    found[~visible] = _hit(beams, viewpoint, targets[~visible])
     return found
 
 
-def _crossed(
-    caster: SegmentCaster,
-    pose: Float64Array,
-    fan_rad: tuple[float, float],
-    viewpoint: Float64Array,
-    targets: Float64Array,
-) -> BoolArray:
+def _crossed(beams: Beams, viewpoint: Float64Array, targets: Float64Array) -> BoolArray:
     """Whether beams crossed the space along lines (K, 3)."""
     length = np.linalg.norm(targets - viewpoint, axis=1)
     looked_m = np.maximum(length - 2 * END_M, 0.0)
     steps = np.ceil(looked_m / STEP_M).astype(int)
+    step_m = looked_m / np.maximum(steps, 1)
     line = np.repeat(np.arange(len(targets)), steps)
     number = np.arange(len(line)) - np.repeat(np.cumsum(steps) - steps, steps)
-    share = (END_M + (number + 0.5) * (looked_m / np.maximum(steps, 1))[line]) / length[line]
+    share = (END_M + (number + 0.5) * step_m[line]) / length[line]
     points = viewpoint + share[:, None] * (targets - viewpoint)[line]
-    range_m, reach_m = _beams(caster, pose, fan_rad, points)
+    range_m, reach_m = beams.towards(points)
     unseen = np.bincount(line, ~(range_m <= reach_m), len(targets))
-    return np.asarray(unseen * (looked_m / np.maximum(steps, 1)) <= MOST_UNSEEN_M)
+    return np.asarray(unseen * step_m <= MOST_UNSEEN_M)
 
 
-def _hit(
-    caster: SegmentCaster,
-    pose: Float64Array,
-    fan_rad: tuple[float, float],
-    viewpoint: Float64Array,
-    targets: Float64Array,
-) -> BoolArray:
+def _hit(beams: Beams, viewpoint: Float64Array, targets: Float64Array) -> BoolArray:
     """Whether beams hit one of the surfaces on lines (K, 3)."""
     found = np.zeros(len(targets), dtype=bool)
     start = np.tile(viewpoint, (len(targets), 1))
     left = np.arange(len(targets))
     for _ in range(MOST_SURFACES):
         way = targets[left] - start[left]
-        length = np.linalg.norm(way, axis=1)
-        at_m = caster.first_hit(start[left], targets[left])
+        at_m = beams.caster.first_hit(start[left], targets[left])
         met = np.isfinite(at_m)
-        left, way, at_m, length = left[met], way[met], at_m[met], length[met]
+        left, way, at_m = left[met], way[met], at_m[met]
         if len(left) == 0:
             break
-        way /= length[:, None]
+        way /= np.linalg.norm(way, axis=1)[:, None]
         points = start[left] + at_m[:, None] * way
-        range_m, reach_m = _beams(caster, pose, fan_rad, points)
+        range_m, reach_m = beams.towards(points)
         found[left] = np.abs(range_m - reach_m) <= ON_IT_M
         start[left] = points + 1e-3 * way  # on, behind this surface
         left = left[~found[left]]
     return found
-
-
-def _beams(
-    caster: SegmentCaster, pose: Float64Array, fan_rad: tuple[float, float], points: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """Range of points (M, 3) from the sensor, and how far a beam towards each of them goes.
-
-    NaN where no beam goes there, or none comes back.
-    """
-    own = transform(inverse(pose), points)
-    range_m = np.linalg.norm(own, axis=1)
-    elevation = np.arctan2(own[:, 2], np.hypot(own[:, 0], own[:, 1]))
-    sensor = pose[:3, 3]
-    far = sensor + (points - sensor) * (RANGE_M / np.maximum(range_m, 1e-9))[:, None]
-    reach_m = caster.first_hit(sensor, far)
-    told = np.isfinite(reach_m) & (elevation >= fan_rad[0]) & (elevation <= fan_rad[1])
-    return range_m, np.where(told, reach_m, np.nan)
