@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from intervis import open_drive
-from intervis.worlds import simulate
+from intervis.lab.worlds import simulate
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
 

@@ -102,6 +102,6 @@ def test_rival_casts(benchmark, question, scans):
 
 
 def rival():
-    from intervis.truth.rivals import triangulated
+    from intervis.lab.truth.baselines import triangulated
 
     return triangulated

@@ -75,7 +75,7 @@ class MemoryDrive:
             camera=self.camera,
             cam_from_velo=cam_from_velo() if self.camera else None,
             pose=(self.poses or {}).get(number),
-            stamp_ns=number * 100_000_000,
+            timestamp_ns=number * 100_000_000,
         )
 
 

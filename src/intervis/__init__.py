@@ -1,7 +1,7 @@
 """intervis: what can see what, from LiDAR scans of a moving vehicle.
 
 The names below are the front door. They are loaded when they are first used, so that importing
-the package costs nothing and compiles nothing.
+the package costs nothing and compiles nothing. So are the subpackages: ``intervis.sight``.
 """
 
 from importlib import import_module
@@ -13,57 +13,93 @@ if TYPE_CHECKING:
     from intervis.drives import Frame as Frame
     from intervis.drives import open_drive as open_drive
     from intervis.errors import CalibrationError as CalibrationError
+    from intervis.errors import CameraError as CameraError
     from intervis.errors import DriveError as DriveError
     from intervis.errors import IntervisError as IntervisError
+    from intervis.errors import MissingExtraError as MissingExtraError
+    from intervis.errors import OutputError as OutputError
     from intervis.errors import PointsError as PointsError
     from intervis.errors import PoseError as PoseError
+    from intervis.errors import ScanError as ScanError
+    from intervis.errors import SceneError as SceneError
     from intervis.errors import SettingsError as SettingsError
     from intervis.method.analysis import Analysis as Analysis
     from intervis.method.analysis import analyze as analyze
     from intervis.settings import Settings as Settings
+    from intervis.sight import OCCLUDED as OCCLUDED
+    from intervis.sight import UNKNOWN as UNKNOWN
+    from intervis.sight import VISIBLE as VISIBLE
+    from intervis.sight import Explanation as Explanation
     from intervis.sight import Scene as Scene
+    from intervis.sight import Sensor as Sensor
     from intervis.sight import Sight as Sight
+    from intervis.sight import explain as explain
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "Analysis": "intervis.method.analysis",
-    "analyze": "intervis.method.analysis",
-    "CalibrationError": "intervis.errors",
     "Camera": "intervis.camera",
     "Drive": "intervis.drives",
-    "DriveError": "intervis.errors",
     "Frame": "intervis.drives",
-    "IntervisError": "intervis.errors",
     "open_drive": "intervis.drives",
+    "CalibrationError": "intervis.errors",
+    "CameraError": "intervis.errors",
+    "DriveError": "intervis.errors",
+    "IntervisError": "intervis.errors",
+    "MissingExtraError": "intervis.errors",
+    "OutputError": "intervis.errors",
     "PointsError": "intervis.errors",
     "PoseError": "intervis.errors",
-    "Scene": "intervis.sight",
-    "Settings": "intervis.settings",
+    "ScanError": "intervis.errors",
+    "SceneError": "intervis.errors",
     "SettingsError": "intervis.errors",
+    "Analysis": "intervis.method.analysis",
+    "analyze": "intervis.method.analysis",
+    "Settings": "intervis.settings",
+    "Explanation": "intervis.sight",
+    "OCCLUDED": "intervis.sight",
+    "Scene": "intervis.sight",
+    "Sensor": "intervis.sight",
     "Sight": "intervis.sight",
+    "UNKNOWN": "intervis.sight",
+    "VISIBLE": "intervis.sight",
+    "explain": "intervis.sight",
 }
+_SUBPACKAGES = ("drives", "method", "plots", "run", "sight")
 __all__ = [
+    "OCCLUDED",
+    "UNKNOWN",
+    "VISIBLE",
     "Analysis",
     "CalibrationError",
     "Camera",
+    "CameraError",
     "Drive",
     "DriveError",
+    "Explanation",
     "Frame",
     "IntervisError",
+    "MissingExtraError",
+    "OutputError",
     "PointsError",
     "PoseError",
+    "ScanError",
     "Scene",
+    "SceneError",
+    "Sensor",
     "Settings",
     "SettingsError",
     "Sight",
     "__version__",
     "analyze",
+    "explain",
     "open_drive",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _SUBPACKAGES:
+        return import_module(f"intervis.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'intervis' has no attribute {name!r}")
     value = getattr(import_module(_HOME[name]), name)
@@ -72,4 +108,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted({*__all__, *_SUBPACKAGES})

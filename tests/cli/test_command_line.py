@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import intervis
-import intervis.stream
+import intervis.run.stream
 from intervis.cli import exit_code
 from small_drive import files_below, scan_folder, street
 
@@ -289,7 +289,7 @@ def test_an_interruption_says_how_to_go_on(drive, tmp_path, capsys, monkeypatch)
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(intervis.stream, "analyze", interrupt)
+    monkeypatch.setattr(intervis.run.stream, "analyze", interrupt)
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 130
     assert "the same command goes on from where it stopped" in capsys.readouterr().err
 
@@ -307,7 +307,7 @@ def test_a_fault_of_the_program_is_one_sentence_too(
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(intervis.stream, "run", fail)
+    monkeypatch.setattr(intervis.run.stream, "run", fail)
     assert exit_code(["run", str(drive / "000000.bin"), "--out", str(tmp_path / "out")]) == code
     err = capsys.readouterr().err
     assert said in err
@@ -316,7 +316,7 @@ def test_a_fault_of_the_program_is_one_sentence_too(
 
 def test_verbose_shows_where_a_fault_was(drive, tmp_path):
     program = (
-        "import intervis.stream as s\n"
+        "import intervis.run.stream as s\n"
         "def odd(*a, **k): raise RuntimeError('odd')\n"
         "s.run = odd\n"
         "from intervis.cli import main\n"

@@ -42,7 +42,7 @@ def test_a_frame_holds_what_the_files_hold(tmp_path):
     assert frame.scan_path == root / "velodyne_points/data/0000000001.bin"
     assert frame.image.shape == (32, 64, 3)
     assert frame.pose is None
-    assert frame.stamp_ns is None
+    assert frame.timestamp_ns is None
 
 
 def test_cam_from_velo_is_the_rectifying_rotation_after_the_extrinsics(tmp_path):
@@ -80,7 +80,7 @@ def test_missing_scans_and_images_never_shift_a_pairing(tmp_path):
     second = int(np.datetime64("2011-09-26T13:02:00", "ns").astype(np.int64))
     for frame in drive:
         assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
-        assert frame.stamp_ns == second + frame.number * 10**9 + 500_000_001
+        assert frame.timestamp_ns == second + frame.number * 10**9 + 500_000_001
         if frame.number in (3, 8):
             assert frame.image_path is None
             assert frame.image is None
@@ -383,8 +383,8 @@ def test_stamps_as_many_as_scans_and_blank_lines(tmp_path):
         root / "velodyne_points/timestamps.txt", "\n2011-09-26 13:02:25.967790592\n\n"
     )
     drive = open_drive(root)
-    assert drive[4].stamp_ns is None
-    assert drive[6].stamp_ns == 1_317_042_145_967_790_592
+    assert drive[4].timestamp_ns is None
+    assert drive[6].timestamp_ns == 1_317_042_145_967_790_592
     path.write_text("2011-09-26 13:02:25\n" * 3)
     with pytest.raises(CalibrationError, match=r"timestamps\.txt has 3 lines"):
         open_drive(root)

@@ -30,7 +30,7 @@ def test_a_sequence_holds_what_its_files_hold(tmp_path):
     assert drive.camera_names == ("image_0", "image_2", "image_3")
     frame = drive[2]
     assert np.array_equal(frame.points, scan_rows(2)[:, :3])
-    assert frame.stamp_ns == 207_400_000
+    assert frame.timestamp_ns == 207_400_000
     assert frame.image_path.name == "000002.png"
     assert frame.pose is None
     # The calibration tells no size: the pictures do.
@@ -116,7 +116,7 @@ def test_odometry_side_files_that_do_not_fit(tmp_path, file, text, message):
     root = write_kitti_odometry(tmp_path)
     write_text(root / file, text)
     if message is None:
-        assert open_drive(root)[1].stamp_ns == 10**9
+        assert open_drive(root)[1].timestamp_ns == 10**9
         return
     with pytest.raises(CalibrationError, match=message):
         open_drive(root)

@@ -8,7 +8,7 @@ from made_scans import GROUND_M, clear, street_scan, turned
 
 from intervis.sight import Scene
 from intervis.sight.engine import judge_lines
-from intervis.sight.evidence import MODEL
+from intervis.sight.occupancy_model import MODEL
 from intervis.sight.oracle import judge_line
 
 HOUSE = [-40.0, 12.0, GROUND_M, 60.0, 14.0, 6.0]

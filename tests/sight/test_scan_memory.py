@@ -57,7 +57,7 @@ def test_stamps_may_come_in_any_order(rng):
     for scene, numbers in ((forward, range(5)), (backward, reversed(range(5)))):
         for n in numbers:
             scene.add(scans[n], None, 0.5 * n)
-    assert backward.stamps_s.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert backward.timestamps_s.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
     targets = rng.uniform([-5, -5, -1.5], [15, 5, 1.0], (500, 3))
     for moment_s in (None, 0.1, 2.4):
         one, other = (
@@ -65,7 +65,7 @@ def test_stamps_may_come_in_any_order(rng):
         )
         assert np.array_equal(one.probability, other.probability)
     backward.add(street_scan(seed=9, **COARSE), None, 9.0)
-    assert backward.stamps_s.tolist() == [0.5, 1.0, 1.5, 2.0, 9.0], "the oldest one goes"
+    assert backward.timestamps_s.tolist() == [0.5, 1.0, 1.5, 2.0, 9.0], "the oldest one goes"
 
 
 def test_a_second_pose_sees_behind_what_hid_from_the_first():

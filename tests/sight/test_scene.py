@@ -164,11 +164,11 @@ def test_a_moment_needs_to_know_when_each_scan_was_taken():
     scene.add(street_scan(), None, 3.0)
     assert scene.sight([0.0, 0, 0], [[1.0, 0, 0]], moment_s=3.5).state[0] == VISIBLE
     scene.add(street_scan(seed=1))
-    assert scene.stamps_s[0] == 3.0
-    assert np.isnan(scene.stamps_s[1])
+    assert scene.timestamps_s[0] == 3.0
+    assert np.isnan(scene.timestamps_s[1])
     with pytest.raises(SceneError, match="when each scan was taken"):
         scene.sight([0.0, 0, 0], [[1.0, 0, 0]], moment_s=3.5)
-    with pytest.raises(SettingsError, match="stamp_s"):
+    with pytest.raises(SettingsError, match="timestamp_s"):
         scene.add(street_scan(), None, np.nan)
     timed = Scene()
     timed.add(street_scan(), None, 0.0)

@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import rankdata
 
 from intervis.drives import open_drive
+from intervis.lab.truth.held_out import judge
 from intervis.sight import OCCLUDED, VISIBLE, Scene
 from intervis.transform import transform
-from intervis.truth.held_out import judge
 
 pytestmark = pytest.mark.realdata
 

@@ -3,25 +3,61 @@
 import io
 import logging
 import sys
-from collections.abc import Sequence
-from typing import Annotated
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 import intervis
-from intervis.cli import evaluate as _evaluate
-from intervis.cli import reproduce as _reproduce
-from intervis.cli import run as _run
-from intervis.cli import sight as _sight
-from intervis.cli import world as _world
 from intervis.cli.terminal import complain, show
 from intervis.errors import IntervisError
 
 DONE, SOME_FRAMES_FAILED, WRONG_REQUEST, OWN_FAULT, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit codes."""
 
+COMMANDS = {
+    "run": "intervis.cli.run",
+    "sight": "intervis.cli.sight",
+    "evaluate": "intervis.lab.cli.evaluate",
+    "reproduce": "intervis.lab.cli.reproduce",
+    "readings": "intervis.lab.cli.reproduce",
+    "simulate": "intervis.lab.cli.world",
+    "demo": "intervis.lab.cli.world",
+}
+"""Where each command's function of the same name lives.
+
+They are named and not imported: a command loads what it needs when it is called, and the library
+does not depend on the laboratory.
+"""
+
+
+class _Imported(Mapping[str, Any]):
+    """Commands by name, each imported when it is asked for."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+    def __getitem__(self, name: str) -> Any:
+        function = getattr(import_module(COMMANDS[name]), name)
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(name)(function)
+        return typer.main.get_command(alone)
+
+
+class _Commands(TyperGroup):
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = _Imported()  # type: ignore[assignment]
+
+
 app = typer.Typer(
     name="intervis",
+    cls=_Commands,
     help="What can see what: intervisibility of LiDAR point clouds from a moving vehicle.",
     add_completion=False,
     rich_markup_mode=None,
@@ -53,15 +89,6 @@ def _root(
     if context.invoked_subcommand is None:
         show(context.get_help())
         raise typer.Exit(WRONG_REQUEST)
-
-
-app.command("run")(_run.run)
-app.command("reproduce")(_reproduce.reproduce)
-app.command("readings")(_reproduce.readings)
-app.command("sight")(_sight.sight)
-app.command("evaluate")(_evaluate.evaluate)
-app.command("simulate")(_world.simulate)
-app.command("demo")(_world.demo)
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from intervis.cli.terminal import complain, progress, show, tell
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
-    from intervis.stream import RunSummary, Viewpoint
+    from intervis.run.stream import RunSummary, Viewpoint
 
 Source = Annotated[Path, typer.Argument(help="A drive (KITTI raw, odometry, object, PCD) or scan.")]
 CameraName = Annotated[
@@ -62,8 +62,8 @@ def run(
     chosen = options.settings(settings, tau, changes or [])
 
     from intervis.drives import open_drive
-    from intervis.stream import run as run_drive
-    from intervis.stream import selected_frames
+    from intervis.run.stream import run as run_drive
+    from intervis.run.stream import selected_frames
 
     drive = open_drive(source, camera=camera)
     _mention_missing_camera(drive, place)
@@ -102,7 +102,7 @@ def show_report(
     with_sight: bool = False,
 ) -> None:
     """Draw pictures, write tables and a page, and print where they are."""
-    from intervis.report.run_report import report_run
+    from intervis.run.report import report_run
 
     with progress("report", 1) as advance:
         report = report_run(drive, summary, out, source_note=source_note, with_sight=with_sight)
@@ -116,7 +116,7 @@ def show_report(
 
 def show_run(summary: "RunSummary") -> None:
     """Print what a run measured, how long it took, and what failed."""
-    from intervis.report.tables import measures_table, times_table
+    from intervis.plots.tables import measures_table, times_table
 
     if summary.frames:
         show(measures_table(summary.frames).as_text())

@@ -65,7 +65,7 @@ def sight(
     with progress("scans", len(numbers) + 2) as advance:
         scene = remembered_scene(drive, now, numbers, advance)
         # at the time of frame N; over several frames, where their stamps tell it
-        moment_s = None if np.isnan(scene.stamps_s).any() else 0.0
+        moment_s = None if np.isnan(scene.timestamps_s).any() else 0.0
         explained = explain(scene, from_point, to_point, moment_s=moment_s)
         advance("the line")
     remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
@@ -78,7 +78,7 @@ def sight(
 
 def _named_place(frame: "Frame", name: str | None) -> Place:
     from intervis.errors import DriveError
-    from intervis.stream import camera_centre_velo
+    from intervis.run.stream import camera_centre_velo
 
     if name == "sensor":
         return 0.0, 0.0, 0.0
@@ -92,7 +92,7 @@ def _other_frames(
     drive: "Drive", now: "Frame", frames: tuple[int | None, int | None] | None
 ) -> list[int]:
     """Numbers of the frames to remember beside frame `now`."""
-    from intervis.stream import selected_frames
+    from intervis.run.stream import selected_frames
 
     if frames is None:
         return []
@@ -127,9 +127,9 @@ def remembered_scene(
 
 def _seconds_between(now: "Frame", other: "Frame") -> float | None:
     """When a frame was taken, seconds after frame `now`; None where the drive does not say."""
-    if now.stamp_ns is None or other.stamp_ns is None:
+    if now.timestamp_ns is None or other.timestamp_ns is None:
         return None
-    return 1e-9 * (other.stamp_ns - now.stamp_ns)
+    return 1e-9 * (other.timestamp_ns - now.timestamp_ns)
 
 
 def _draw(
@@ -144,8 +144,8 @@ def _draw(
     import numpy as np
 
     from intervis.arrays import finite_rows
-    from intervis.report.sight_figure import sight_from_above
-    from intervis.report.style import save_figure
+    from intervis.plots.sight_figure import sight_from_above
+    from intervis.plots.style import save_figure
 
     points = now.points[finite_rows(now.points)]
     answers = scene.sight(start, points, moment_s=moment_s)

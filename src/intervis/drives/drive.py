@@ -43,7 +43,7 @@ class Drive:
         The chosen camera, the same for all frames or one for each.
     poses : mapping of int to (4, 4) float64 array, or None
         world_from_velo by frame number.
-    stamps_ns : mapping of int to int
+    timestamps_ns : mapping of int to int
         Time of the scan by frame number, nanoseconds.
     side_files : tuple of Path
         Calibration, poses and times: what else the frames rest on.
@@ -60,7 +60,7 @@ class Drive:
     camera_name: str | None = None
     mounts: CameraMount | Callable[[int], CameraMount] | None = field(default=None, repr=False)
     poses: Mapping[int, Float64Array] | None = field(default=None, repr=False)
-    stamps_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
+    timestamps_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
     side_files: tuple[Path, ...] = field(default=(), repr=False)
     frame_numbers: tuple[int, ...] = field(init=False, repr=False)
 
@@ -134,7 +134,7 @@ class Drive:
             camera=mount.camera if mount else None,
             cam_from_velo=mount.cam_from_velo.copy() if mount else None,
             pose=None if pose is None else pose.copy(),
-            stamp_ns=self.stamps_ns.get(number),
+            timestamp_ns=self.timestamps_ns.get(number),
             image_path=self.image_paths.get(number),
             scan_path=self.scan_paths[number],
         )

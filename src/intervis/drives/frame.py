@@ -30,7 +30,7 @@ class Frame:
         The drive's chosen camera, and the way from the sensor to its rectified frame.
     pose : (4, 4) float64 array or None
         world_from_velo.
-    stamp_ns : int or None
+    timestamp_ns : int or None
         Time of the scan, nanoseconds.
     image_path : Path or None
         The camera's picture of this moment.
@@ -44,7 +44,7 @@ class Frame:
     camera: Camera | None = None
     cam_from_velo: Float64Array | None = None
     pose: Float64Array | None = None
-    stamp_ns: int | None = None
+    timestamp_ns: int | None = None
     image_path: Path | None = None
     scan_path: Path | None = None
 

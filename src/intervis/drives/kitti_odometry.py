@@ -94,7 +94,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         camera_name=chosen,
         mounts=mount,
         poses=poses,
-        stamps_ns=stamps,
+        timestamps_ns=stamps,
         side_files=tuple(side_files),
     )
 

@@ -113,34 +113,34 @@ def read_timestamps(path: Path) -> list[int | None]:
     CalibrationError
         A line is no date and time; names file and line.
     """
-    stamps_ns: list[int | None] = []
+    timestamps_ns: list[int | None] = []
     for line_number, line in enumerate(read_lines(path), start=1):
         text = line.strip()
         try:
             if text and not DATE_AND_TIME.fullmatch(text):
                 raise ValueError
-            stamps_ns.append(int(np.datetime64(text, "ns").astype(np.int64)) if text else None)
+            timestamps_ns.append(int(np.datetime64(text, "ns").astype(np.int64)) if text else None)
         except ValueError:
             raise CalibrationError(
                 f"{path}, line {line_number}: {text[:40]!r} is no date and time."
             ) from None
-    return stamps_ns
+    return timestamps_ns
 
 
 def read_seconds(path: Path) -> list[int | None]:
     """KITTI odometry's times.txt (seconds, one a line) as nanoseconds."""
-    stamps_ns: list[int | None] = []
+    timestamps_ns: list[int | None] = []
     for line_number, line in enumerate(read_lines(path), start=1):
         values = parse_numbers(line, path, line_number)
         if len(values) != 1:
             raise CalibrationError(f"{path}, line {line_number}: expected one time in seconds.")
-        stamps_ns.append(round(values[0] * 1e9))
-    return stamps_ns
+        timestamps_ns.append(round(values[0] * 1e9))
+    return timestamps_ns
 
 
-def present(stamps_ns: Mapping[int, int | None]) -> dict[int, int]:
+def present(timestamps_ns: Mapping[int, int | None]) -> dict[int, int]:
     """The stamps that are there."""
-    return {number: stamp for number, stamp in stamps_ns.items() if stamp is not None}
+    return {number: stamp for number, stamp in timestamps_ns.items() if stamp is not None}
 
 
 def carried_to_velo(

@@ -1,7 +1,7 @@
 """Granularity chosen by itself: ``tau="auto"`` (the paper's future work).
 
 Coarser kernels are quicker and lose TPI. How much they lose was measured (`TPI_LOST`, regenerated
-by `intervis.reproduction.curve`): it depends on the number of nodes that are left, and hardly on
+by `intervis.lab.paper.curve`): it depends on the number of nodes that are left, and hardly on
 the criterion. A tolerance on TPI thus is a floor of nodes, and tau is the coarsest granularity that
 keeps it; a time budget makes tau as fine as the budget allows, but never coarser than the floor.
 """

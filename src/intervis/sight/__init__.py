@@ -1,7 +1,7 @@
 """Line of sight through observed space.
 
 `Scene` remembers scans and answers who sees whom with visible, occluded or unknown; what these
-mean is written in `intervis.sight.evidence`.
+mean is written in `intervis.sight.occupancy_model`.
 """
 
 from intervis.sight.explanation import Explanation, explain

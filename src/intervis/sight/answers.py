@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array
 from intervis.kernels import in_parts, kernel
-from intervis.sight import evidence
+from intervis.sight import occupancy_model as evidence
 from intervis.sight.atlas import Memory
 from intervis.sight.block import new_block
 from intervis.sight.engine import judge_some, odds_table_of, put_in_order
-from intervis.sight.evidence import MODEL, Model
 from intervis.sight.findings import new_findings
 from intervis.sight.meeting import meet_surface
+from intervis.sight.occupancy_model import MODEL, Model
 
 VISIBLE, OCCLUDED, UNKNOWN = 1, 0, -1
 _AT_ONCE = 256

@@ -9,7 +9,7 @@ from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
 from intervis.sight.atlas import Memory, index_of, to_sensor
 from intervis.sight.chart import Int16Array
-from intervis.sight.evidence import Model
+from intervis.sight.occupancy_model import Model
 
 MOST_MARKS = 2048
 """Longer lines get longer pieces."""

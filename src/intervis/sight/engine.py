@@ -39,7 +39,6 @@ from intervis.sight.block import (
     turn_to_scan,
 )
 from intervis.sight.chart import Int16Array
-from intervis.sight.evidence import MODEL, Model
 from intervis.sight.findings import Findings, add_up, new_findings, sort_out
 from intervis.sight.marks import aim, divide, look, measure, meet, raise_above_ground, weigh, within
 from intervis.sight.moved import (
@@ -52,6 +51,7 @@ from intervis.sight.moved import (
     motion_of,
     stood_here,
 )
+from intervis.sight.occupancy_model import MODEL, Model
 
 
 @kernel

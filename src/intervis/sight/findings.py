@@ -21,7 +21,7 @@ from intervis.sight.block import (
     UNSEEN,
     Block,
 )
-from intervis.sight.evidence import NOISE, Model
+from intervis.sight.occupancy_model import NOISE, Model
 
 
 class Findings(NamedTuple):

@@ -32,8 +32,8 @@ from intervis.sight.block import (
     in_eights,
 )
 from intervis.sight.chart import TURN, Int16Array, turn_of
-from intervis.sight.evidence import Model
 from intervis.sight.ground import CELL_M, CELLS
+from intervis.sight.occupancy_model import Model
 
 
 @kernel

@@ -8,7 +8,7 @@ from intervis.arrays import Float64Array
 from intervis.errors import SettingsError
 from intervis.sight.atlas import Memory
 from intervis.sight.chart import Chart, Int16Array
-from intervis.sight.evidence import AGE_M_PER_S
+from intervis.sight.occupancy_model import AGE_M_PER_S
 from intervis.transform import inverse
 
 SAME_POSE = 1e-6
@@ -22,7 +22,7 @@ class _Kept:
     slot: int
     chart: Chart
     pose: Float64Array
-    stamp_s: float
+    timestamp_s: float
 
 
 class ScanMemory:
@@ -65,12 +65,12 @@ class ScanMemory:
         return np.array([kept.pose for kept in self._kept]).reshape(-1, 4, 4)
 
     @property
-    def stamps_s(self) -> Float64Array:
+    def timestamps_s(self) -> Float64Array:
         """(S,) when the scans kept were taken, NaN where that is not known."""
-        return np.array([kept.stamp_s for kept in self._kept])
+        return np.array([kept.timestamp_s for kept in self._kept])
 
     def add(
-        self, chart: Chart, scene_from_sensor: Float64Array, stamp_s: float = float("nan")
+        self, chart: Chart, scene_from_sensor: Float64Array, timestamp_s: float = float("nan")
     ) -> None:
         """Remember a scan, and forget another one if there is no room."""
         self._packed = None
@@ -85,9 +85,9 @@ class ScanMemory:
         place = self._pool[slot, : chart.cells.size].reshape(chart.cells.shape)
         place[:] = chart.cells
         kept_chart = replace(chart, cells=place)
-        self._kept.append(_Kept(slot, kept_chart, scene_from_sensor, stamp_s))
-        if not np.isnan(self.stamps_s).any():
-            self._kept.sort(key=lambda kept: kept.stamp_s)
+        self._kept.append(_Kept(slot, kept_chart, scene_from_sensor, timestamp_s))
+        if not np.isnan(self.timestamps_s).any():
+            self._kept.sort(key=lambda kept: kept.timestamp_s)
 
     def _forget_equal(self, chart: Chart, pose: Float64Array) -> None:
         for at, kept in enumerate(self._kept):
@@ -143,5 +143,5 @@ class ScanMemory:
 
     def packed_at(self, moment_s: float) -> Memory:
         """The scans as the engine reads them when it is asked about a moment."""
-        later_s = self.stamps_s - moment_s
+        later_s = self.timestamps_s - moment_s
         return self.packed()._replace(age_m=AGE_M_PER_S * np.abs(later_s), later_s=later_s)

@@ -12,7 +12,7 @@ from intervis.kernels import kernel
 from intervis.sight.atlas import FROM_SCENE, depth_at
 from intervis.sight.block import ACROSS, BY_ACROSS, BY_NEAREST, HEIGHT, MOVED, WAY, in_eights
 from intervis.sight.chart import Int16Array
-from intervis.sight.evidence import Model
+from intervis.sight.occupancy_model import Model
 
 NONE, ALONE = 0, -1
 CHANGED, HERE, GONE = 2.0, 1.0, -1.0

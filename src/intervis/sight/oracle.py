@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arrays import BoolArray, Float64Array
-from intervis.sight import evidence as model
+from intervis.sight import occupancy_model as model
 from intervis.sight.atlas import CARRIED, NEAR_M, Memory
 from intervis.sight.block import MOST_MARKS
-from intervis.sight.evidence import MODEL
 from intervis.sight.ground import CELL_M, CELLS
 from intervis.sight.moved import LEAST_WAY_M
+from intervis.sight.occupancy_model import MODEL
 
 
 class Verdict(NamedTuple):

@@ -19,8 +19,8 @@ from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE, answer_lines
 from intervis.sight.atlas import Memory
 from intervis.sight.chart import chart_of
 from intervis.sight.engine import judge_lines
-from intervis.sight.evidence import VISIBLE_FROM
 from intervis.sight.memory import ScanMemory
+from intervis.sight.occupancy_model import VISIBLE_FROM
 from intervis.sight.sensor import Sensor, sensor_named, sensor_of_scan
 from intervis.transform import checked_pose
 
@@ -34,7 +34,7 @@ class Sight:
     Attributes
     ----------
     state : int8 array
-        1 visible, 0 occluded, -1 unknown (see `intervis.sight.evidence`).
+        1 visible, 0 occluded, -1 unknown (see `intervis.sight.occupancy_model`).
     probability : float64 array
         Of being visible, calibrated on held-out returns; NaN where an end of the line was not
         finite or the line was longer than asked for.
@@ -112,12 +112,12 @@ class Scene:
         return self._memory.poses
 
     @property
-    def stamps_s(self) -> Float64Array:
+    def timestamps_s(self) -> Float64Array:
         """(S,) when they were taken, seconds; NaN where that was not said."""
-        return self._memory.stamps_s
+        return self._memory.timestamps_s
 
     def add(
-        self, points: ArrayLike, pose: ArrayLike | None = None, stamp_s: float | None = None
+        self, points: ArrayLike, pose: ArrayLike | None = None, timestamp_s: float | None = None
     ) -> None:
         """Remember a scan; non-finite returns are left out.
 
@@ -127,7 +127,7 @@ class Scene:
             In the sensor's frame: sensor at the origin, x forward, y left, z up, metres.
         pose : (4, 4) array or None
             world_from_velo: the scene's frame is the world's. None: it is the sensor's.
-        stamp_s : float or None
+        timestamp_s : float or None
             When the scan was taken, seconds from any start; see `moment_s` of `sight`.
 
         Raises
@@ -144,7 +144,7 @@ class Scene:
         finite = finite_rows(xyz)
         kept = xyz if finite.all() else xyz[finite]
         sensor = sensor_of_scan(kept) if self.sensor is None else self.sensor
-        stamp = np.nan if stamp_s is None else _finite_time("stamp_s", stamp_s)
+        stamp = np.nan if timestamp_s is None else _finite_time("timestamp_s", timestamp_s)
         self._memory.add(chart_of(kept, sensor), scene_from_sensor, stamp)
 
     def sight(
@@ -271,10 +271,10 @@ class Scene:
             raise SceneError("the scene holds no scan: call scene.add(points, pose) first.")
         if moment_s is None:
             return self._memory.packed()
-        if np.isnan(self._memory.stamps_s).any():
+        if np.isnan(self._memory.timestamps_s).any():
             raise SceneError(
                 "moment_s needs to know when each scan was taken: call"
-                " scene.add(points, pose, stamp_s)."
+                " scene.add(points, pose, timestamp_s)."
             )
         return self._memory.packed_at(_finite_time("moment_s", moment_s))
 

@@ -1,0 +1,75 @@
+"""Where the files of a KITTI raw drive lie, and what stands in them."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from intervis.arrays import Float32Array, Float64Array
+
+DATE, DRIVE = "2011_09_26", "2011_09_26_drive_0001_sync"
+START = datetime(2011, 9, 26, 13, 2, 25)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The paths of one drive under a root folder.
+
+    Examples
+    --------
+    >>> Layout(Path("out")).scan(7).name
+    '0000000007.bin'
+    """
+
+    root: Path
+
+    @property
+    def date(self) -> Path:
+        """Folder of the day: the calibration lies there."""
+        return self.root / DATE
+
+    @property
+    def drive(self) -> Path:
+        """Folder of the drive."""
+        return self.date / DRIVE
+
+    def scan(self, number: int) -> Path:
+        """File of a scan: x, y, z, intensity as little-endian float32."""
+        return self.drive / "velodyne_points" / "data" / f"{number:010d}.bin"
+
+    def image(self, number: int) -> Path:
+        """File of camera 2's picture."""
+        return self.drive / "image_02" / "data" / f"{number:010d}.png"
+
+    def expected(self, frames: int) -> set[Path]:
+        """The scans and pictures of so many frames."""
+        numbers = range(frames)
+        return {*map(self.scan, numbers), *map(self.image, numbers)}
+
+    def frame_files(self) -> list[Path]:
+        """Every scan and picture that is there, by name."""
+        folders = [self.scan(0).parent, self.image(0).parent]
+        return sorted(path for folder in folders for path in folder.glob("*") if path.is_file())
+
+
+def scan_bytes(points: Float32Array, intensity: Float32Array) -> bytes:
+    """The bytes of a scan's file."""
+    return np.column_stack([points, intensity]).astype("<f4").tobytes()
+
+
+def pose_text(poses: Float64Array) -> str:
+    """Poses (F, 4, 4) as KITTI's odometry set writes them: the upper three rows, one line each."""
+    return "".join(" ".join(f"{x:.15e}" for x in pose[:3].ravel()) + "\n" for pose in poses)
+
+
+def stamp_text(frames: int, period_s: float) -> str:
+    """The lines of a ``timestamps.txt``, with nanoseconds.
+
+    Examples
+    --------
+    >>> stamp_text(2, 0.1).splitlines()[1]
+    '2011-09-26 13:02:25.100000000'
+    """
+    times = (START + timedelta(seconds=number * period_s) for number in range(frames))
+    return "".join(f"{time:%Y-%m-%d %H:%M:%S.%f}000\n" for time in times)

@@ -1,0 +1,4 @@
+"""The laboratory: simulated worlds, accuracy evaluation and the experiments of the paper.
+
+The library never imports it.
+"""

@@ -1,0 +1,65 @@
+"""``intervis simulate`` and ``intervis demo``: the built-in world."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from intervis.cli.run import show_report, show_run
+from intervis.cli.terminal import progress, show
+
+Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Number of frames.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="S", help="The same seed, the same drive.")]
+
+
+def simulate(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the drive.")],
+    frames: Frames = 10,
+    seed: Seed = 0,
+) -> None:
+    """Write a simulated drive in KITTI's raw layout.
+
+    With calibration, images, poses, times and the triangles of its world.
+    """
+    show(f"Drive: {_simulate(out, frames, seed)}")
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", help="Folder for everything.")] = Path(
+        "intervis-demo"
+    ),
+    frames: Frames = 10,
+    seed: Seed = 0,
+) -> int:
+    """Simulate a drive, analyse it, show it.
+
+    Writes the drive, its results, tables, pictures and a page to open.
+    """
+    from intervis.drives import open_drive
+    from intervis.run.stream import run as run_drive
+
+    drive = open_drive(_simulate(out / "drive", frames, seed))
+    with progress("analysis", len(drive.frame_numbers)) as advance:
+        summary = run_drive(
+            drive,
+            out / "run",
+            on_frame=lambda outcome: advance(f"frame {outcome.number}"),
+            overwrite=True,
+        )
+    show_run(summary)
+    show(f"Drive: {drive.root}")
+    note = f"A simulated drive through the built-in street, seed {seed}."
+    show_report(drive, summary, out, source_note=note, with_sight=True)
+    return 1 if summary.failures else 0
+
+
+def _simulate(out: Path, frames: int, seed: int) -> Path:
+    from intervis.lab.worlds import simulate as simulate_drive
+
+    with progress("simulation", frames) as advance:
+        return simulate_drive(
+            out,
+            frames=frames,
+            seed=seed,
+            progress=lambda done, total: advance(f"{done} of {total}"),
+        )

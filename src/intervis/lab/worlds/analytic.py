@@ -1,0 +1,247 @@
+"""Worlds small enough for pencil and paper: triangles, and who sees whom by a formula.
+
+Each holds two things that know nothing of each other: triangles to be scanned, and `visible`, an
+answer worked out from the world's equation. The formula holds for points in free space between
+`lower` and `upper`, and treats a line that merely touches a surface as open.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from intervis.arrays import BoolArray, Float64Array
+from intervis.lab.worlds import shapes
+from intervis.lab.worlds.triangles import Material, Soup
+from intervis.lab.worlds.world import World
+from intervis.transform import rigid
+
+GREY = Material("building", (0.4, 0.4, 0.4), 0.5)
+EARTH = Material("terrain", (0.2, 0.25, 0.08), 0.4)
+
+Answer = Callable[[Float64Array, Float64Array], BoolArray]
+Region = Callable[[Float64Array], BoolArray]
+
+
+@dataclass(frozen=True, eq=False)
+class AnalyticWorld:
+    """A world with a formula.
+
+    Attributes
+    ----------
+    name : str
+        For example ``wall``.
+    soup : Soup
+        Its triangles, metres.
+    lower, upper : (3,) float64 arrays
+        Corners of the space in which the formula holds.
+    sensor : (3,) float64 array
+        A good place for a scanner.
+    """
+
+    name: str
+    soup: Soup = field(repr=False)
+    lower: Float64Array
+    upper: Float64Array
+    sensor: Float64Array
+    _visible: Answer = field(repr=False)
+    _free: Region = field(repr=False)
+
+    @property
+    def triangles(self) -> Float64Array:
+        """(T, 3, 3) corners, metres."""
+        return self.soup.triangles
+
+    def visible(self, first: ArrayLike, second: ArrayLike) -> BoolArray:
+        """(M,) is the line between two points open, by the formula; the points lie in `free`.
+
+        Parameters
+        ----------
+        first, second : (M, 3) or (3,) arrays
+            Metres.
+
+        Examples
+        --------
+        >>> wall().visible([0.0, 0, 1], [[20.0, 0, 1], [20, 0, 9]])
+        array([False,  True])
+        """
+        starts, ends = np.broadcast_arrays(
+            np.atleast_2d(np.asarray(first, float)), np.atleast_2d(np.asarray(second, float))
+        )
+        return self._visible(starts, ends)
+
+    def free(self, points: ArrayLike) -> BoolArray:
+        """(M,) does a point lie where the formula holds: inside the bounds, outside of bodies."""
+        places = np.atleast_2d(np.asarray(points, float))
+        inside = ((self.lower <= places) & (places <= self.upper)).all(axis=1)
+        return np.asarray(inside & self._free(places))
+
+    def world(self) -> World:
+        """The same as a world that a `Scanner` at `sensor` can scan."""
+        pose = rigid(np.eye(3), self.sensor)
+        return World(self.soup, (), lambda time_s: pose)
+
+
+def _heights_at(starts: Float64Array, ends: Float64Array, x: float) -> Float64Array:
+    """Height of each line where it passes x; infinity where it does not pass strictly over it."""
+    before, after = starts[:, 0] - x, ends[:, 0] - x
+    passes = before * after < 0
+    share = before / np.where(passes, before - after, 1.0)
+    height = starts[:, 2] + share * (ends[:, 2] - starts[:, 2])
+    return np.where(passes, height, np.inf)
+
+
+def profile(
+    name: str,
+    corners_xz: ArrayLike,
+    sensor: ArrayLike,
+    half_width_m: float = 40.0,
+    sky_m: float = 15.0,
+) -> AnalyticWorld:
+    """Ground whose height depends on x alone, a chain of straight pieces.
+
+    Two points above it see each other exactly when their line passes above every corner between
+    them: the ground under a straight piece cannot reach a line that clears both of its ends.
+
+    Parameters
+    ----------
+    name : str
+        Of the world.
+    corners_xz : (n, 2) array
+        Corners of the chain, metres, x not decreasing; two of the same x make a cliff.
+    sensor : (3,) array
+        A good place for a scanner, metres.
+    half_width_m, sky_m : float
+        How far the world goes to either side, and above its highest corner.
+    """
+    chain = np.asarray(corners_xz, dtype=np.float64)
+
+    def visible(starts: Float64Array, ends: Float64Array) -> BoolArray:
+        clear = np.ones(len(starts), np.bool_)
+        for x, z in chain:
+            clear &= _heights_at(starts, ends, float(x)) >= z
+        return clear
+
+    def free(points: Float64Array) -> BoolArray:
+        return np.asarray(points[:, 2] >= np.interp(points[:, 0], chain[:, 0], chain[:, 1]))
+
+    y = np.array([-half_width_m, half_width_m])
+    points = np.empty((len(chain), 2, 3))
+    points[:, :, 0], points[:, :, 1], points[:, :, 2] = chain[:, :1], y, chain[:, 1:]
+    lower = np.array([chain[0, 0], -half_width_m, chain[:, 1].min()])
+    upper = np.array([chain[-1, 0], half_width_m, chain[:, 1].max() + sky_m])
+    place = np.asarray(sensor, dtype=np.float64)
+    return AnalyticWorld(
+        name, Soup.of(shapes.grid(points), EARTH), lower, upper, place, visible, free
+    )
+
+
+def plane() -> AnalyticWorld:
+    """Level ground at height 0: above it everybody sees everybody."""
+    return profile("plane", [[-60, 0], [60, 0]], [0.0, 0.0, 1.73])
+
+
+def step(rise_m: float = 2.5) -> AnalyticWorld:
+    """Level ground with a cliff up at x = 8: what lies behind its edge hides."""
+    chain: list[tuple[float, float]] = [(-50, 0), (8, 0), (8, rise_m), (50, rise_m)]
+    return profile("step", chain, [0.0, 0.0, 1.73])
+
+
+def valley(depth_m: float = 3.0) -> AnalyticWorld:
+    """A sensor on one shoulder, a valley before it, a ridge and another valley behind."""
+    chain = [(-40, 0), (6, 0), (14, -depth_m), (26, -depth_m), (34, 1), (42, -1), (60, 0.5)]
+    return profile("valley", chain, [0.0, 0.0, 1.73])
+
+
+def wall(height_m: float = 3.0, half_width_m: float = 6.0) -> AnalyticWorld:
+    """A thin upright wall in the plane x = 10, standing on level ground."""
+    ground = plane()
+    corners = [[10, w, z] for w, z in ((-half_width_m, 0), (half_width_m, 0))]
+    tops = [[10, w, height_m] for w in (half_width_m, -half_width_m)]
+
+    def visible(starts: Float64Array, ends: Float64Array) -> BoolArray:
+        before, after = starts[:, 0] - 10.0, ends[:, 0] - 10.0
+        passes = before * after < 0
+        share = before / np.where(passes, before - after, 1.0)
+        y = starts[:, 1] + share * (ends[:, 1] - starts[:, 1])
+        z = starts[:, 2] + share * (ends[:, 2] - starts[:, 2])
+        return np.asarray(~(passes & (np.abs(y) < half_width_m) & (z < height_m)))
+
+    soup = Soup.joined([ground.soup, Soup.of(shapes.quad(*corners, *tops), GREY)])
+    return AnalyticWorld(
+        "wall", soup, ground.lower, ground.upper, ground.sensor, visible, ground._free
+    )
+
+
+def box(
+    lower_m: tuple[float, float, float] = (8.0, -2.0, 0.0),
+    upper_m: tuple[float, float, float] = (12.0, 2.0, 1.5),
+) -> AnalyticWorld:
+    """A solid box on level ground: hidden is what its three pairs of slabs cut off at once."""
+    ground = plane()
+    low, high = np.asarray(lower_m), np.asarray(upper_m)
+
+    def visible(starts: Float64Array, ends: Float64Array) -> BoolArray:
+        way = ends - starts
+        with np.errstate(divide="ignore", invalid="ignore"):
+            one, two = (low - starts) / way, (high - starts) / way
+        level = way == 0
+        within = (low < starts) & (starts < high)
+        enter = np.where(level, np.where(within, -np.inf, np.inf), np.minimum(one, two))
+        leave = np.where(level, np.where(within, np.inf, -np.inf), np.maximum(one, two))
+        first, last = enter.max(axis=1), leave.min(axis=1)
+        return np.asarray(~((first < last) & (last > 0) & (first < 1)))
+
+    def free(points: Float64Array) -> BoolArray:
+        inside = ((low < points) & (points < high)).all(axis=1)
+        return np.asarray((points[:, 2] >= 0) & ~inside)
+
+    soup = Soup.joined([ground.soup, Soup.of(shapes.box(low, high), GREY)])
+    return AnalyticWorld("box", soup, ground.lower, ground.upper, ground.sensor, visible, free)
+
+
+def sphere(
+    radius_m: float = 2.0,
+    centre_m: tuple[float, float, float] = (10.0, 0.0, 2.5),
+    rings: int = 48,
+) -> AnalyticWorld:
+    """A ball over level ground: hidden is what lies behind its rim.
+
+    The triangles' corners lie on the ball, so that they reach out less than it does, by no more
+    than `sagitta_m`.
+    """
+    ground = plane()
+    centre = np.asarray(centre_m)
+
+    def visible(starts: Float64Array, ends: Float64Array) -> BoolArray:
+        way = ends - starts
+        square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
+        share = np.clip(np.einsum("ij,ij->i", centre - starts, way) / square, 0, 1)
+        nearest = starts + share[:, None] * way
+        return np.asarray(np.linalg.norm(nearest - centre, axis=1) >= radius_m)
+
+    def free(points: Float64Array) -> BoolArray:
+        outside = np.linalg.norm(points - centre, axis=1) >= radius_m
+        return np.asarray((points[:, 2] >= 0) & outside)
+
+    ball = shapes.ellipsoid([radius_m] * 3, rings, 2 * rings) + centre
+    soup = Soup.joined([ground.soup, Soup.of(ball, GREY)])
+    return AnalyticWorld("sphere", soup, ground.lower, ground.upper, ground.sensor, visible, free)
+
+
+def sagitta_m(radius_m: float = 2.0, rings: int = 48) -> float:
+    """How far the faces of `sphere` lie inside the ball at most."""
+    # A face spans pi / rings both ways: its middle is as far in as a cap of half that, twice.
+    return float(radius_m * 2 * (1 - np.cos(np.pi / rings / 2)))
+
+
+ANALYTIC_WORLDS: dict[str, Callable[[], AnalyticWorld]] = {
+    "plane": plane,
+    "wall": wall,
+    "step": step,
+    "box": box,
+    "sphere": sphere,
+    "valley": valley,
+}
+"""The worlds by name."""

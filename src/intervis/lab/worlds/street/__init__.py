@@ -1,0 +1,1 @@
+"""The built-in street: terrain, houses, vegetation, vehicles and people as triangles."""

@@ -1,1 +1,0 @@
-"""Results as people look at them: tables, pictures, pages."""

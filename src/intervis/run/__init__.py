@@ -1,0 +1,1 @@
+"""A drive processed frame by frame: results on disk, their summary, and the report of a run."""

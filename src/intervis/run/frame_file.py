@@ -1,0 +1,205 @@
+"""One frame's result as a file: plain arrays, written whole or not at all, no pickle."""
+
+import dataclasses
+import io
+import tomllib
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.errors import OutputError, SettingsError
+from intervis.files import write_whole
+from intervis.settings import Settings
+
+if TYPE_CHECKING:
+    from intervis.drives import Frame
+    from intervis.method.analysis import Analysis
+
+FORMAT = 2
+"""Version of the layout of a frame's file; a file of another version is not read."""
+
+Arrays = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """What a run remembers of one frame that went well.
+
+    Attributes
+    ----------
+    number : int
+        The frame's number in its drive.
+    measures : mapping of str to float
+        The paper's measures by name.
+    times_s : mapping of str to float
+        Seconds by stage.
+    tau : int or None
+        The granularity in force; None where nodes were sampled by a radius.
+    reused : bool
+        True where an earlier run had already written the frame.
+    """
+
+    number: int
+    measures: Mapping[str, float]
+    times_s: Mapping[str, float]
+    tau: int | None = None
+    reused: bool = False
+
+
+def frame_path(out: Path, number: int) -> Path:
+    """Where a run keeps the result of one frame: ten digits, as KITTI names its frames.
+
+    Examples
+    --------
+    >>> frame_path(Path("out"), 17).as_posix()
+    'out/frames/0000000017.npz'
+    """
+    return out / "frames" / f"{number:010d}.npz"
+
+
+def save_frame(path: Path, frame: "Frame", analysis: "Analysis") -> FrameRecord:
+    """Write everything of an analysis that it takes to redraw it without the scan.
+
+    Array fields keep their names; ``measures`` and ``times_s`` are vectors beside
+    ``measure_names`` and ``time_names``; ``settings_toml`` is text; ``number``, ``timestamp_ns``,
+    ``world_from_velo``, ``cam_from_velo``, ``projection`` and ``image_size_px`` come from the
+    frame, where it has them.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    record = record_of(frame.number, analysis)
+    arrays = {**_arrays_of_frame(frame), **_arrays_of_analysis(analysis)}
+    arrays["measure_names"] = np.array(list(record.measures))
+    arrays["measures"] = np.array(list(record.measures.values()), dtype=np.float64)
+    arrays["time_names"] = np.array(list(record.times_s))
+    arrays["times_s"] = np.array(list(record.times_s.values()), dtype=np.float64)
+    if record.tau is not None:
+        arrays["tau"] = np.array(record.tau)
+    write_whole(path, lambda file: _write_archive(file, arrays))
+    return record
+
+
+def _write_archive(file: BinaryIO, arrays: Arrays) -> None:
+    # What np.savez does, but never with a pickle, and deflated at the level that pays here.
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+
+
+def record_of(number: int, analysis: "Analysis") -> FrameRecord:
+    """The measures and stage times of an analysis, by name."""
+    measures = {k: float(v) for k, v in dataclasses.asdict(analysis.measures).items()}
+    times_s = {k: float(v) for k, v in dataclasses.asdict(analysis.times).items()}
+    tau = analysis.settings.tau
+    by_tau = analysis.settings.sampling != "radius" and tau != "auto"
+    return FrameRecord(number, measures, times_s, int(tau) if by_tau else None)
+
+
+def _arrays_of_frame(frame: "Frame") -> Arrays:
+    arrays: Arrays = {"format": np.array(FORMAT), "number": np.array(frame.number)}
+    if frame.timestamp_ns is not None:
+        arrays["timestamp_ns"] = np.array(frame.timestamp_ns, dtype=np.int64)
+    if frame.pose is not None:
+        arrays["world_from_velo"] = np.asarray(frame.pose)
+    if frame.camera is not None and frame.cam_from_velo is not None:
+        arrays["cam_from_velo"] = np.asarray(frame.cam_from_velo)
+        arrays["projection"] = np.asarray(frame.camera.projection)
+        arrays["image_size_px"] = np.array([frame.camera.width_px, frame.camera.height_px])
+    return arrays
+
+
+def _arrays_of_analysis(analysis: "Analysis") -> Arrays:
+    arrays: Arrays = {
+        "settings_toml": np.array(analysis.settings.to_toml()),
+        "cut": np.array(analysis.cut, dtype=np.float64),
+        "metric": np.array(analysis.metric),
+    }
+    for field in dataclasses.fields(analysis):
+        value = getattr(analysis, field.name)
+        if isinstance(value, np.ndarray):
+            arrays[field.name] = value
+    return arrays
+
+
+def load_frame(path: Path) -> Arrays:
+    """All arrays of a frame's file, by name; every byte has been read and its checksum compared.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be read, is damaged, or is no result of this program.
+    """
+    try:
+        # From memory: a file that is damaged in the middle must fail here, not later.
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except OSError as error:
+        raise OutputError(f"cannot read {path}: {error.strerror or error}.") from None
+    except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
+        raise OutputError(f"{path} is damaged: {error}.") from None
+    if "format" not in arrays or int(arrays["format"]) != FORMAT:
+        raise OutputError(f"{path} is no frame that this version of intervis wrote.")
+    return arrays
+
+
+def load_analysis(path: Path) -> "Analysis":
+    """The analysis that a frame's file holds, as `intervis.analyze` returned it.
+
+    Raises
+    ------
+    OutputError
+        As `load_frame`.
+    """
+    from intervis.method.analysis import Analysis, StageTimes
+    from intervis.method.measures import Measures
+
+    arrays, record = load_frame(path), load_record(path)
+    counts = {field.name for field in dataclasses.fields(Measures) if field.type is int}
+    measures: dict[str, Any] = {
+        name: int(value) if name in counts else value for name, value in record.measures.items()
+    }
+    try:
+        known = {
+            field.name: arrays[field.name]
+            for field in dataclasses.fields(Analysis)
+            if field.name not in ("settings", "metric", "cut", "measures", "times")
+        }
+        return Analysis(
+            **known,
+            settings=Settings(**tomllib.loads(str(arrays["settings_toml"]))),
+            metric=str(arrays["metric"]),
+            cut=float(arrays["cut"]),
+            measures=Measures(**measures),
+            times=StageTimes(**record.times_s),
+        )
+    except (KeyError, TypeError, SettingsError) as error:
+        raise OutputError(f"{path} is no frame that this version of intervis wrote.") from error
+
+
+def load_record(path: Path) -> FrameRecord:
+    """What a run remembers of a frame, read back from the frame's file.
+
+    Raises
+    ------
+    OutputError
+        As `load_frame`.
+    """
+    arrays = load_frame(path)
+    try:
+        measures = dict(
+            zip(arrays["measure_names"].tolist(), arrays["measures"].tolist(), strict=True)
+        )
+        times_s = dict(zip(arrays["time_names"].tolist(), arrays["times_s"].tolist(), strict=True))
+        tau = int(arrays["tau"]) if "tau" in arrays else None
+        return FrameRecord(int(arrays["number"]), measures, times_s, tau, reused=True)
+    except (KeyError, ValueError) as error:
+        raise OutputError(f"{path} is damaged: {error}.") from None

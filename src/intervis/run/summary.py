@@ -1,0 +1,196 @@
+"""The summary of a run: what it was made from, on what, how long it took, what it measured."""
+
+import json
+import math
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import intervis
+from intervis.errors import OutputError
+from intervis.run.frame_file import FrameRecord
+from intervis.settings import Settings
+
+if TYPE_CHECKING:
+    from intervis.drives import Drive
+
+Content = dict[str, Any]
+
+COMPARED = ("intervis", "viewpoint", "settings", "input")
+"""What two runs must share for the second to go on where the first stopped."""
+
+
+def describe(drive: "Drive", settings: Settings, viewpoint: str | list[float]) -> Content:
+    """What a run is made from: program version, viewpoint asked for, settings and input."""
+    head = {
+        "intervis": intervis.__version__,
+        "viewpoint": viewpoint,
+        "settings": settings.model_dump(mode="json"),
+        "input": drive.identity(),
+    }
+    # As it will be read back: paths and tuples become text and lists here, not at comparison.
+    return dict(json.loads(json.dumps(head, default=str)))
+
+
+def differences(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """In words, where two descriptions differ.
+
+    Examples
+    --------
+    >>> differences({"settings": {"tau": 35}}, {"settings": {"tau": 10}})
+    ['settings tau is 35 there and 10 here']
+    """
+    found = []
+    for name in COMPARED:
+        there, here = earlier.get(name), now.get(name)
+        if isinstance(there, Mapping) and isinstance(here, Mapping):
+            keys = sorted(set(there) | set(here))
+            found += [
+                f"{name} {key} is {there.get(key)} there and {here.get(key)} here"
+                for key in keys
+                if there.get(key) != here.get(key)
+            ]
+        elif there != here:
+            found.append(f"{name} is {there} there and {here} here")
+    return found
+
+
+def summarize(
+    head: Mapping[str, Any],
+    records: Sequence[FrameRecord],
+    failures: Sequence[tuple[int, str]],
+    *,
+    complete: bool = True,
+) -> Content:
+    """What ``summary.json`` holds.
+
+    Parameters
+    ----------
+    head : mapping
+        From `describe`.
+    records : sequence of FrameRecord
+        The frames that went well.
+    failures : sequence of (number, sentence)
+        The frames that did not.
+    complete : bool
+        False while a run is under way.
+    """
+    return {
+        **head,
+        "versions": _versions(),
+        "machine": _machine(),
+        "complete": complete,
+        "timing": "seconds; the first frame was analysed once before the clock counted,"
+        " so that no time holds the compilation of kernels; reading and writing files not counted",
+        "times_s": {name: _spread(values) for name, values in _columns(records, "times_s")},
+        "measures": {name: _statistics(values) for name, values in _columns(records, "measures")},
+        "frames": [
+            {
+                "number": record.number,
+                "tau": record.tau,
+                "measures": {name: _json_number(v) for name, v in record.measures.items()},
+                "times_s": {name: _json_number(v) for name, v in record.times_s.items()},
+            }
+            for record in records
+        ],
+        "failures": [{"number": number, "reason": reason} for number, reason in failures],
+    }
+
+
+def tells_the_same(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> bool:
+    """Whether two summaries hold the same frames, failures and completeness."""
+    return all(earlier.get(name) == now.get(name) for name in ("complete", "frames", "failures"))
+
+
+def as_json(content: Mapping[str, Any]) -> str:
+    """A summary as text; a number that JSON cannot hold is an error here, not in the reader."""
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def read_summary(path: Path) -> Content | None:
+    """The summary of an earlier run; None where there is none.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be read or is no summary.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise OutputError(f"cannot read {path}: {(error.strerror or '').lower()}.") from None
+    except ValueError:
+        content = None
+    if not isinstance(content, dict) or "settings" not in content:
+        raise OutputError(f"{path} is no summary of a run: choose another folder, or overwrite it.")
+    return content
+
+
+def _columns(records: Sequence[FrameRecord], kind: str) -> list[tuple[str, list[float]]]:
+    if not records:
+        return []
+    names = getattr(records[0], kind)
+    return [(name, [getattr(record, kind)[name] for record in records]) for name in names]
+
+
+def _spread(values: Sequence[float]) -> Content:
+    """Median, 99th percentile, mean and sample standard deviation, and the extremes."""
+    return {
+        "p50": _json_number(np.percentile(values, 50)),
+        "p99": _json_number(np.percentile(values, 99)),
+        **_statistics(values),
+    }
+
+
+def _statistics(values: Sequence[float]) -> Content:
+    """Mean, sample standard deviation (None for a single value) and the extremes.
+
+    Examples
+    --------
+    >>> _statistics([1.0, 2.0, 3.0])
+    {'mean': 2, 'sample_std': 1, 'min': 1, 'max': 3}
+    """
+    return {
+        "mean": _json_number(np.mean(values)),
+        "sample_std": _json_number(np.std(values, ddof=1)) if len(values) > 1 else None,
+        "min": _json_number(np.min(values)),
+        "max": _json_number(np.max(values)),
+    }
+
+
+def _json_number(value: float | np.floating[Any]) -> float | int | None:
+    """A number as JSON knows it: None for NaN and infinity, whole numbers without a point."""
+    number = float(value)
+    if not math.isfinite(number):
+        return None
+    return int(number) if number.is_integer() else number
+
+
+def _versions() -> Content:
+    return {
+        "intervis": intervis.__version__,
+        "python": platform.python_version(),
+        **{name: metadata.version(name) for name in ("numpy", "scipy", "numba")},
+    }
+
+
+def _machine() -> Content:
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return {"system": platform.platform(), "processor": _processor_name(), "cpus": usable}
+
+
+def _processor_name() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,78 @@
+"""Regions on the world's ground grid, and their overlap, against a slow double and by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.path import Path as Outline
+from scipy.spatial import Delaunay
+
+from intervis.lab.paper.temporal_consistency import (
+    CELL_M,
+    COVERED,
+    IN_REGION,
+    GroundRegion,
+    draw_region,
+    overlap,
+    steadiness,
+)
+
+
+def pose(yaw_rad, x, y):
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-3.0, 3.0), st.floats(-20.0, 20.0))
+@settings(max_examples=20, deadline=None)
+def test_cells_are_those_whose_centre_lies_in_a_triangle(seed, yaw_rad, shift_m):
+    rng = np.random.default_rng(seed)
+    points = np.column_stack([rng.uniform(-8, 8, (12, 2)), rng.normal(size=12)])
+    triangles = Delaunay(points[:, :2]).simplices.astype(np.int64)
+    region = rng.random(len(triangles)) < 0.5
+    world = pose(yaw_rad, shift_m, -shift_m)
+    drawn = draw_region(points, triangles, region, world)
+    ground = points[:, :2] @ world[:2, :2].T + world[:2, 3]
+    column, row = np.indices(drawn.cells.shape)
+    centres = (np.stack([column, row], axis=-1) + drawn.corner + 0.5).reshape(-1, 2) * CELL_M
+    inside = np.zeros((2, len(centres)), bool)
+    for triangle, chosen in zip(triangles, region, strict=True):
+        held = Outline(ground[triangle]).contains_points(centres)
+        inside[0] |= held
+        inside[1] |= held & chosen
+    np.testing.assert_array_equal(drawn.cells.ravel() > 0, inside[0])
+    np.testing.assert_array_equal(drawn.cells.ravel() == IN_REGION, inside[1])
+
+
+def test_a_region_laid_over_itself_by_another_pose_stays():
+    axis = np.linspace(0, 20, 21)
+    points = np.array([[x, y, 0.0] for x in axis for y in axis])
+    triangles = Delaunay(points[:, :2]).simplices.astype(np.int64)
+    region = points[triangles][:, :, 0].mean(axis=1) < 10
+    first = draw_region(points, triangles, region, pose(0.0, 0.0, 0.0))
+    world = pose(0.3, 5.0, -2.0)
+    moved = (points - [5.0, -2.0, 0]) @ world[:3, :3]  # the same ground seen from there
+    second = draw_region(moved, triangles, region, world)
+    same = overlap(first, second)
+    assert same.iou > 0.98
+    assert same.chance == pytest.approx(1 / 3, abs=0.02)  # two halves strewn at random
+    assert same.common_m2 == pytest.approx(400.0, rel=0.03)
+
+
+def test_overlap_counts_only_ground_that_both_meshes_cover():
+    first = GroundRegion(np.array([0, 0]), np.full((4, 4), IN_REGION, np.int8))
+    second = GroundRegion(np.array([2, 0]), np.full((4, 4), COVERED, np.int8))
+    second.cells[:, :2] = IN_REGION
+    shared = overlap(first, second)
+    assert (shared.iou, shared.common_m2) == (0.5, 8 * CELL_M**2)
+    far = GroundRegion(np.array([90, 90]), first.cells)
+    assert np.isnan(overlap(first, far).iou)
+
+
+def test_scatter_along_a_drive_is_the_sample_deviation():
+    region = GroundRegion(np.array([0, 0]), np.full((2, 2), IN_REGION, np.int8))
+    found = steadiness("ours", (4, 5, 6), [region] * 3, [(30.0, 80.0), (32.0, 82.0), (34.0, 84.0)])
+    assert len(found.overlaps) == 2
+    assert found.iou == 1.0
+    assert found.TPI.std(ddof=1) == 2.0
+    assert found.area_m2.tolist() == [1.0, 1.0, 1.0]

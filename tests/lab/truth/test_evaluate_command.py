@@ -1,0 +1,165 @@
+"""``intervis evaluate`` at the command line, with methods whose answers are known."""
+
+import json
+
+import numpy as np
+import pytest
+import typer
+from yard import YARD, write_drive
+
+from intervis.errors import DriveError, IntervisError, OutputError, SettingsError
+from intervis.lab.cli.evaluate import evaluate
+from intervis.lab.truth import evaluate as evaluating
+from intervis.lab.truth.baselines import Seen
+from intervis.lab.truth.methods import Answers, Method
+from intervis.lab.truth.query_set import Question
+from intervis.lab.truth.rays import caster_of
+from intervis.lab.truth.reliability_plot import reliability_figure
+from intervis.lab.truth.scoring import Evaluation, Row
+from intervis.lab.truth.tables import accuracy_table
+
+
+@pytest.fixture
+def drive(tmp_path):
+    folder = tmp_path / "yard"
+    folder.mkdir()
+    write_drive(folder, YARD, np.arange(-10.0, 2.0, 2.0), step_deg=0.5)
+    return folder
+
+
+@pytest.fixture
+def known_methods(monkeypatch):
+    def ask(seen, viewpoint, targets):
+        distance = np.linalg.norm(targets - viewpoint, axis=1)
+        blocked = caster_of(YARD).blocked(viewpoint, targets, slack_m=0.15 + 0.01 * distance)
+        sure = np.where(blocked, 0.1, 0.9)
+        return Answers(sure, np.where(np.arange(len(sure)) % 4 == 0, -1, ~blocked), 0.01, 0.002)
+
+    def guess(seen, viewpoint, targets):
+        return Answers(np.ones(len(targets)), None, 0.0, 0.5)
+
+    def methods_for(protocol, *, rivals):
+        others = [Method("guess", "always", guess)] if rivals else []
+        return [Method("intervis", "default", ask), *others]
+
+    monkeypatch.setattr(evaluating, "methods_for", methods_for)
+
+
+def command(*arguments):
+    app = typer.Typer(pretty_exceptions_enable=False)
+    app.command()(evaluate)
+    return app(args=[str(argument) for argument in arguments], standalone_mode=False)
+
+
+def test_table_and_json(drive, known_methods, tmp_path, capsys):
+    file = tmp_path / "accuracy.json"
+    command(drive, "--pairs", "0:5,5:0", "--rivals", "--json", file)
+    shown = capsys.readouterr().out
+    assert "yard: held-out returns, protocol single, 2 viewpoints" in shown
+    assert "guess (always)" in shown
+    assert "0:5" in shown
+    content = json.loads(file.read_text())
+    assert content["drive"]["frames"] == 6
+    (evaluation,) = content["evaluations"]
+    ours, guess = evaluation["rows"]
+    assert ours["mean"]["mcc"] > 0.95
+    assert ours["mean"]["coverage"] == pytest.approx(0.75, abs=0.01)
+    assert guess["mean"]["mcc"] == 0.0
+    assert guess["mean"]["precision_occluded"] is None
+    assert f"{ours['mean']['mcc']:.3f}" in shown
+
+
+def test_without_rivals_only_ours(drive, known_methods, capsys):
+    command(drive, "--pairs", "0:5", "--protocol", "map")
+    shown = capsys.readouterr().out
+    assert "protocol map" in shown
+    assert "guess" not in shown
+
+
+def test_a_short_simulated_drive_is_asked_about_its_world(known_methods, tmp_path, capsys):
+    from intervis.lab.worlds import simulate
+
+    source = simulate(tmp_path / "street", frames=2, images=False)
+    command(source)
+    told = capsys.readouterr()
+    assert "exact world, rays by Embree" in told.out
+    assert "free points" in told.out
+    assert "held-out returns are left out" in told.err
+    (source / "poses.txt").unlink()
+    with pytest.raises(DriveError):
+        command(source)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (["--pairs", "0-5"], SettingsError, "0:5,0:10"),
+        (["--pairs", "0:77"], DriveError, "no frame 77"),
+        (["--pairs", "2:2"], DriveError, "judge itself"),
+        (["--protocol", "all"], SettingsError, "single, past, map"),
+        (["--json", "/nowhere/at/all.json"], OutputError, "no folder"),
+        (["--json", "."], OutputError, "is a folder"),
+    ],
+)
+def test_wrong_requests(drive, known_methods, arguments, error, message):
+    with pytest.raises(error, match=message):
+        command(drive, *arguments)
+
+
+def test_no_such_source(tmp_path):
+    with pytest.raises(IntervisError, match="nothing at"):
+        command(tmp_path / "none")
+
+
+def test_nothing_is_written_when_the_work_fails(drive, known_methods, tmp_path):
+    file = tmp_path / "accuracy.json"
+    (drive / "poses.txt").unlink()
+    with pytest.raises(DriveError, match=r"poses\.txt"):
+        command(drive, "--json", file)
+    assert not file.exists()
+
+
+def test_the_reliability_plot_is_a_picture(drive, known_methods, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    file = tmp_path / "reliability.png"
+    command(drive, "--pairs", "0:5", "--plot", file)
+    assert file.read_bytes().startswith(b"\x89PNG")
+    assert str(file) in capsys.readouterr().out
+
+
+def evaluation_of(probability, visible):
+    seen = Seen((), (), (), 0, 1)
+    points = np.zeros((len(visible), 3))
+    question = Question("0:1", seen, np.zeros(3), points, np.array(visible))
+    row = Row("intervis", "default")
+    row.take(question, Answers(np.array(probability), None, 0.0, 0.001))
+    return Evaluation("drive", "held-out returns", "single", ("0:1",), len(visible), (row,))
+
+
+def test_the_plot_shows_the_bins():
+    pytest.importorskip("matplotlib")
+    evaluation = evaluation_of([0.05, 0.15, 0.95, 0.95], [False, False, True, False])
+    (axes,) = reliability_figure([evaluation]).axes
+    heights = [bar.get_height() for bar in axes.patches]
+    np.testing.assert_allclose(heights, [0.25, 0.25, 0, 0, 0, 0, 0, 0, 0, 0.5])
+    dots = axes.lines[1].get_xydata()
+    np.testing.assert_allclose(dots, [[0.05, 0], [0.15, 0], [0.95, 0.5]])
+
+
+def test_what_is_not_known_is_a_dash():
+    table = accuracy_table(evaluation_of([0.9, 0.8], [True, True]))
+    assert table.rows[0][1] == "-"  # a correlation with a truth of one kind
+    assert table.rows[0][3] == "0.025"
+
+
+def test_the_graph_and_markdown(drive, known_methods, tmp_path, capsys):
+    file, page = tmp_path / "accuracy.json", tmp_path / "accuracy.md"
+    command(drive, "--pairs", "0:5", "--graph", "--json", file, "--markdown", page)
+    shown = capsys.readouterr().out
+    assert "The paper's graph judged by held-out returns" in shown
+    graphs = json.loads(file.read_text())["graphs"]["held-out returns"]
+    assert {score["criterion"] for score in graphs} == {"elevation", "sight_angle", "sight_line"}
+    assert {score["tau"] for score in graphs} == {35, 10, 1}
+    text = page.read_text()
+    assert "sight_line" in text
+    assert "yard: held-out returns, protocol single" in text

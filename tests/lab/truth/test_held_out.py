@@ -1,0 +1,176 @@
+"""The judge against cases made by hand and against a double that compares every pair."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from intervis.errors import PointsError, PoseError
+from intervis.lab.truth.held_out import Judgement, judge
+from intervis.transform import rigid, transform
+
+HERE = np.eye(4)
+
+
+def at(azimuth_deg, range_m, elevation_deg=0.0):
+    azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
+    return range_m * np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
+
+
+def verdict(point, beams):
+    """True, False or None (not judged) for one point, from the same pose."""
+    answer = judge(np.array([point]), HERE, np.array(beams), HERE)
+    return None if len(answer.index) == 0 else bool(answer.visible[0])
+
+
+def brute_force(points_i, pose_i, points_j, pose_j):
+    """Truth B in plain Python, every point against every beam; {row: visible}."""
+    to_j = np.linalg.inv(pose_j) @ pose_i
+    said = {}
+    for row, point in enumerate(points_i):
+        q = to_j[:3, :3] @ point + to_j[:3, 3]
+        r = math.dist(q, (0, 0, 0))
+        if not 2.7 <= r <= 75:
+            continue
+        lengths = np.linalg.norm(points_j, axis=1)
+        sines = np.linalg.norm(np.cross(points_j, q), axis=1)
+        angles = np.degrees(np.arctan2(sines, points_j @ q))
+        pairs = sorted(zip(angles, lengths, strict=True))
+        beside = [pair for pair in pairs if pair[0] < 0.25][:8]
+        if not beside or beside[0][0] >= 0.15:
+            continue
+        if any(abs(length - r) < 0.15 + 0.01 * r for _, length in beside):
+            said[row] = True
+        elif len(beside) >= 2 and all(length < r - (1 + 0.02 * r) for _, length in beside):
+            said[row] = False
+    return said
+
+
+@pytest.mark.parametrize(
+    ("range_m", "beam_ranges", "expected"),
+    [
+        (20.0, [20.0], True),
+        (20.0, [20.34], True),  # 0.15 + 0.2 m allowed
+        (20.0, [20.36], None),
+        (20.0, [19.66], True),
+        (20.0, [19.64], None),
+        (20.0, [18.59, 18.59], False),  # 1.0 + 0.4 m before it
+        (20.0, [18.59], None),  # a single one may be noise
+        (20.0, [18.61, 18.61], None),
+        (20.0, [18.59, 18.61], None),
+        (20.0, [5.0, 5.0, 20.1], True),  # one beam reaches it
+        (20.0, [5.0, 5.0, 30.0], None),  # one passes it by
+        (20.0, [30.0, 30.0], None),
+        (20.0, [], None),
+        (2.69, [2.69], None),
+        (2.71, [2.71], True),
+        (75.1, [75.1], None),
+        (74.9, [74.9], True),
+    ],
+)
+def test_one_direction(range_m, beam_ranges, expected):
+    beams = [at(30.0, r) for r in beam_ranges] + [at(200.0, 9.0)]
+    assert verdict(at(30.0, range_m), beams) is expected
+
+
+@pytest.mark.parametrize(
+    ("angles", "expected"),
+    [
+        ([0.149], True),
+        ([0.151], None),  # the nearest is too far off
+        ([0.151, 0.01], True),
+        ([0.249, 0.01], True),
+    ],
+)
+def test_angles(angles, expected):
+    # all beams end on the point's range; the angle alone decides
+    assert verdict(at(0, 10.0), [at(angle, 10.0) for angle in angles]) is expected
+
+
+def test_far_beam_counts_only_within_a_quarter_degree():
+    # the nearest beam goes far beyond; one on the point decides while it is within 0.25 degrees
+    assert verdict(at(0, 10.0), [at(0.05, 50.0), at(0, 10.0, 0.249)]) is True
+    assert verdict(at(0, 10.0), [at(0.05, 50.0), at(0, 10.0, 0.251)]) is None
+
+
+def test_only_the_eight_nearest_beams_count():
+    eight = [at(0, 4.0, 0.01 * k) for k in range(8)]
+    assert verdict(at(0, 10.0), [*eight, at(0.2, 10.0)]) is False
+    assert verdict(at(0, 10.0), [*eight[:7], at(0.2, 10.0)]) is True
+
+
+def test_viewpoint_and_range_are_in_frame_i():
+    pose_i = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [100.0, 50.0, 1.0])  # faces +y
+    pose_j = rigid(np.eye(3), [100.0, 56.0, 1.0])
+    target_world = np.array([[110.0, 56.0, 1.0]])
+    points_i = transform(np.linalg.inv(pose_i), target_world)
+    answer = judge(points_i, pose_i, np.array([[10.0, 0.0, 0.0]]), pose_j)
+    np.testing.assert_allclose(answer.viewpoint_i, [6.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(answer.range_m, [10.0])
+    assert answer.visible.tolist() == [True]
+
+
+def test_rows_without_a_direction_are_passed_over():
+    points = np.array([[np.nan, 0, 0], [np.inf, 0, 0], [0, 0, 0], [10.0, 0, 0]])
+    answer = judge(points, HERE, points, HERE)
+    assert answer.index.tolist() == [3]
+
+
+@pytest.mark.parametrize("empty", ["i", "j"])
+def test_nothing_to_judge(empty):
+    one, none = np.array([[10.0, 0, 0]]), np.empty((0, 3))
+    answer = judge(none if empty == "i" else one, HERE, none if empty == "j" else one, HERE)
+    assert isinstance(answer, Judgement)
+    assert answer.index.shape == answer.visible.shape == answer.range_m.shape == (0,)
+    assert answer.visible.dtype == bool
+
+
+def test_bad_input_is_refused():
+    good = np.zeros((2, 3))
+    with pytest.raises(PointsError, match="points_j"):
+        judge(good, HERE, np.zeros((2, 2)), HERE)
+    with pytest.raises(PoseError, match="pose_i"):
+        judge(good, 2 * HERE, good, HERE)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_the_same_as_comparing_every_pair(seed):
+    rng = np.random.default_rng(seed)
+    # a dense patch of directions, so that every rule is met; ranges on two sheets and between
+    azimuth, elevation = rng.uniform(-1.5, 1.5, (2, 150))
+    ranges = rng.choice([6.0, 20.0, 20.3, 40.0], 150) * rng.uniform(0.98, 1.02, 150)
+    points = np.array([at(*a) for a in zip(azimuth, ranges, elevation, strict=True)])
+    pose_i = rigid(np.eye(3), rng.normal(0, 5, 3))
+    pose_j = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], rng.normal(0, 5, 3))
+    # scan i: points that lie near the beams of scan j, seen from elsewhere
+    world = transform(pose_j, points * rng.choice([1.0, 1.002, 0.8, 1.3], (150, 1)))
+    points_i = transform(np.linalg.inv(pose_i), world + rng.normal(0, 0.01, (150, 3)))
+    points_j = points[rng.random(150) < 0.7]
+    answer = judge(points_i, pose_i, points_j, pose_j)
+    expected = brute_force(points_i, pose_i, points_j, pose_j)
+    assert dict(zip(answer.index.tolist(), answer.visible.tolist(), strict=True)) == expected
+
+
+def test_the_random_cases_meet_every_verdict():
+    rng = np.random.default_rng(0)
+    counts = {True: 0, False: 0, None: 0}
+    for _ in range(200):
+        beams = [at(*rng.uniform(-0.3, 0.3, 1), rng.choice([6.0, 20.0])) for _ in range(3)]
+        counts[verdict(at(0, 20.0), beams)] += 1
+    assert min(counts.values()) > 10
+
+
+def test_inputs_are_not_changed():
+    points = np.array([[10.0, 0, 0], [0, 10.0, 0]])
+    before = points.copy()
+    judge(points, HERE, points, HERE)
+    np.testing.assert_array_equal(points, before)

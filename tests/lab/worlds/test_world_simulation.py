@@ -1,0 +1,267 @@
+"""A simulated drive on disk: the same to the byte, whole or not there, with its world beside it."""
+
+import errno
+import os
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from intervis.drives import kitti_writer
+from intervis.drives.kitti_writer import Layout
+from intervis.errors import DriveError, OutputError, SettingsError
+from intervis.lab.worlds import load_world, simulate, simulation
+from intervis.lab.worlds.scanner import Scanner
+from intervis.lab.worlds.street.layout import build_street
+from intervis.transform import checked_pose, transform
+
+STREETS = lru_cache(build_street)
+COARSE = Scanner(elevations_deg=tuple(np.linspace(2, -24, 16)), columns=240)
+
+
+def quick(out: Path, **options) -> Path:
+    """A drive with a coarse scanner and no pictures, in a second."""
+    return simulate(out, **{"scanner": COARSE, "images": False, "frames": 2, **options})
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture(autouse=True)
+def _streets_are_built_once(request, monkeypatch) -> None:
+    """Building a street takes a second: most tests may share it."""
+    if "fresh" not in request.node.name:
+        monkeypatch.setattr(simulation, "build_street", STREETS)
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory) -> Path:
+    return quick(tmp_path_factory.mktemp("drive"), frames=3)
+
+
+@pytest.fixture(scope="module")
+def full(tmp_path_factory) -> Path:
+    """One frame as the command writes it: all beams, with its picture."""
+    return simulate(tmp_path_factory.mktemp("full"), frames=1, seed=2)
+
+
+def test_layout_is_kitti_raw(full: Path) -> None:
+    assert full.name == "2011_09_26_drive_0001_sync"
+    names = set(content(full.parent))
+    inside = full.name
+    assert names == {
+        "calib_cam_to_cam.txt",
+        "calib_velo_to_cam.txt",
+        "calib_imu_to_velo.txt",
+        f"{inside}/simulation.json",
+        f"{inside}/world.npz",
+        f"{inside}/poses.txt",
+        f"{inside}/velodyne_points/timestamps.txt",
+        f"{inside}/velodyne_points/data/0000000000.bin",
+        f"{inside}/image_02/timestamps.txt",
+        f"{inside}/image_02/data/0000000000.png",
+    }
+    scan = np.fromfile(full / "velodyne_points/data/0000000000.bin", "<f4").reshape(-1, 4)
+    assert 110_000 <= len(scan) <= 125_000
+    assert np.isfinite(scan).all()
+    assert scan[:, 3].min() >= 0
+    assert scan[:, 3].max() < 1
+
+
+def test_same_seed_same_bytes_other_seed_others_built_afresh(drive: Path, tmp_path: Path) -> None:
+    again = quick(tmp_path / "again", frames=3)
+    assert content(again.parent) == content(drive.parent)
+    other = quick(tmp_path / "other", frames=3, seed=1)
+    scans = "velodyne_points/data/0000000001.bin"
+    assert (other / scans).read_bytes() != (drive / scans).read_bytes()
+
+
+def test_a_frame_does_not_depend_on_how_many_are_asked_for(drive: Path, tmp_path: Path) -> None:
+    short, long = content(quick(tmp_path, frames=1)), content(drive)
+    for name in ("velodyne_points/data/0000000000.bin",):
+        assert short[name] == long[name]
+    assert long["poses.txt"].startswith(short["poses.txt"])
+    assert long["velodyne_points/timestamps.txt"].startswith(
+        short["velodyne_points/timestamps.txt"]
+    )
+
+
+def test_poses_and_times(drive: Path) -> None:
+    poses = np.loadtxt(drive / "poses.txt").reshape(-1, 3, 4)
+    assert len(poses) == 3
+    np.testing.assert_array_equal(poses[0], np.eye(4)[:3])
+    world = STREETS(0)
+    for number, pose in enumerate(poses):
+        checked_pose(pose)
+        np.testing.assert_allclose(
+            pose, world.vehicle_pose_at(0.1 * number)[:3], rtol=0, atol=1e-14
+        )
+    lines = (drive / "velodyne_points" / "timestamps.txt").read_text().splitlines()
+    assert lines[2] == "2011-09-26 13:02:25.200000000"
+
+
+def test_world_comes_back_exactly(drive: Path) -> None:
+    street, recorded = STREETS(0), load_world(drive)
+    assert recorded.frame_count == 3
+    for number in range(3):
+        for mine, theirs in zip(
+            recorded.triangles_at_frame(number),
+            street.triangles_at(0.1 * number),
+            strict=True,
+        ):
+            np.testing.assert_array_equal(mine, theirs)
+    assert [name for name, _ in recorded.movers] == [mover.name for mover in street.movers]
+    # Scanned again from what was kept, a frame comes out the same to the byte.
+    points, found = COARSE.scan(
+        recorded.at_frame(2), recorded.vehicle_poses[2], np.random.default_rng([0, 2])
+    )
+    kept = (drive / "velodyne_points/data/0000000002.bin").read_bytes()
+    assert kitti_writer.scan_bytes(points, found["intensity"]) == kept
+
+
+@pytest.mark.parametrize("number", [-1, 3, 99])
+def test_world_knows_no_other_frames(drive: Path, number: int) -> None:
+    with pytest.raises(DriveError, match="frames 0 to 2"):
+        load_world(drive).triangles_at_frame(number)
+
+
+def test_scan_lies_on_the_world_in_the_frame_of_the_poses(drive: Path, embree) -> None:
+    """Files alone and Embree: rays along the written returns, from the written pose."""
+    recorded = load_world(drive)
+    poses = np.loadtxt(drive / "poses.txt").reshape(-1, 3, 4)
+    for number in (0, 2):
+        scan = np.fromfile(drive / f"velodyne_points/data/{number:010d}.bin", "<f4").reshape(-1, 4)
+        places = transform(poses[number], scan[:, :3])
+        ways = places - poses[number][:, 3]
+        measured = np.linalg.norm(ways, axis=1)
+        cast = embree(recorded.triangles_at_frame(number)[0])
+        ranges, hits = cast(poses[number][:, 3], ways / measured[:, None])
+        error = measured[hits >= 0] - ranges[hits >= 0]
+        assert (hits >= 0).mean() > 0.999
+        # A float32 beam may pass an edge on its other side: a few in a thousand.
+        assert (np.abs(error) < 0.1).mean() > 0.99
+        assert abs(np.median(error)) < 0.002
+        assert abs(np.percentile(np.abs(error), 68.27) - 0.02) < 0.002
+
+
+def test_second_run_keeps_what_is_there(tmp_path: Path) -> None:
+    folder = quick(tmp_path)
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
+    calls: list[tuple[int, int]] = []
+    assert quick(tmp_path, progress=lambda done, total: calls.append((done, total))) == folder
+    after = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
+    assert after == before
+    assert calls == [(1, 2), (2, 2)]
+
+
+def test_a_missing_frame_comes_back_the_same(tmp_path: Path) -> None:
+    folder = quick(tmp_path)
+    before = content(folder)
+    (folder / "velodyne_points/data/0000000001.bin").unlink()
+    quick(tmp_path)
+    assert content(folder) == before
+
+
+def test_fewer_frames_and_another_seed_leave_nothing_behind(tmp_path: Path) -> None:
+    quick(tmp_path / "a", frames=2)
+    folder = quick(tmp_path / "a", frames=1, seed=1)
+    assert content(folder) == content(quick(tmp_path / "b", frames=1, seed=1))
+    quick(tmp_path / "a", frames=2, seed=1)
+    folder = quick(tmp_path / "a", frames=1, seed=1)
+    assert content(folder) == content(tmp_path / "b" / "2011_09_26" / folder.name)
+
+
+def test_another_recording_is_left_alone(tmp_path: Path) -> None:
+    """KITTI itself has a drive of this date and number."""
+    scan = Layout(tmp_path).scan(0)
+    scan.parent.mkdir(parents=True)
+    scan.write_bytes(b"precious")
+    with pytest.raises(OutputError, match="was not written by `intervis simulate`"):
+        quick(tmp_path)
+    assert content(tmp_path) == {str(scan.relative_to(tmp_path)): b"precious"}
+
+
+def test_another_calibration_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "2011_09_26" / "calib_cam_to_cam.txt"
+    path.parent.mkdir()
+    path.write_text("P_rect_02: of another car\n")
+    with pytest.raises(OutputError, match=r"calib_cam_to_cam.txt was not written by"):
+        quick(tmp_path)
+    assert path.read_text() == "P_rect_02: of another car\n"
+    assert len(content(tmp_path)) == 1
+
+
+@pytest.mark.parametrize("frames", [0, -3, 1.5, True, "4", 100_000])
+def test_senseless_numbers_of_frames_are_refused(tmp_path: Path, frames) -> None:
+    with pytest.raises(SettingsError, match="frames must be"):
+        quick(tmp_path, frames=frames)
+    assert not list(tmp_path.iterdir())
+
+
+def test_numbers_of_numpy_are_numbers(tmp_path: Path, drive: Path) -> None:
+    folder = quick(tmp_path, frames=np.int64(3), seed=np.uint8(0))
+    assert content(folder) == content(drive)
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5, False, "x"])
+def test_senseless_seeds_are_refused(tmp_path: Path, seed) -> None:
+    with pytest.raises(SettingsError, match="seed must be"):
+        quick(tmp_path, seed=seed)
+
+
+def test_out_that_is_a_file_is_an_output_error(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_text("kept")
+    with pytest.raises(OutputError, match="cannot"):
+        quick(path)
+    assert path.read_text() == "kept"
+
+
+def test_full_disk_leaves_whole_files_only_and_is_picked_up(tmp_path, monkeypatch, drive) -> None:
+    real = os.replace
+
+    def full_disk(source, target):
+        if str(target).endswith("0000000001.bin"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(source, target)
+
+    monkeypatch.setattr(os, "replace", full_disk)
+    with pytest.raises(OutputError, match=r"0000000001.bin: the disk is full"):
+        quick(tmp_path, frames=3)
+    left = content(tmp_path)
+    assert not [name for name in left if name.endswith(".partial")]
+    whole = content(drive.parent.parent)
+    assert all(whole[name] == body for name, body in left.items())
+    monkeypatch.undo()
+    assert content(quick(tmp_path, frames=3)) == content(drive)
+
+
+def test_a_folder_without_a_world_is_a_drive_error(tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match="only drives that `intervis simulate` wrote"):
+        load_world(tmp_path)
+
+
+@pytest.mark.parametrize("body", [b"", b"not a zip", b"PK\x03\x04broken"])
+def test_a_broken_world_is_a_drive_error(tmp_path: Path, body: bytes) -> None:
+    (tmp_path / "world.npz").write_bytes(body)
+    with pytest.raises(DriveError, match=r"cannot read .*world.npz"):
+        load_world(tmp_path)
+
+
+def test_a_world_that_is_an_array_is_a_drive_error(tmp_path: Path) -> None:
+    with (tmp_path / "world.npz").open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(DriveError, match=r"cannot read .*world.npz"):
+        load_world(tmp_path)
+
+
+def test_a_world_that_lacks_a_part_is_a_drive_error(tmp_path: Path) -> None:
+    np.savez(tmp_path / "world.npz", static_triangles=np.zeros((1, 3, 3)))
+    with pytest.raises(DriveError, match=r"cannot read .*world.npz"):
+        load_world(tmp_path)
