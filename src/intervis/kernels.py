@@ -8,8 +8,10 @@ Kernels release the interpreter lock and are spread by `in_parts` over plain thr
 none of numba's threading layers, so nothing warns about an old TBB and any thread may call.
 """
 
+import contextlib
 import hashlib
 import inspect
+import logging
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -19,6 +21,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+
+log = logging.getLogger(__name__)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -35,13 +39,30 @@ def kernel(function: Function) -> Function:
 
 
 def _bind_to_sources(compiled: Any, folder: Path) -> None:
-    """Let what is kept of a kernel on disk go out of date with any source file of its folder.
+    """Make what is cached on disk of a kernel depend on all source files of its folder.
 
-    numba by itself looks at the time and the size of the one file that holds the kernel. It has
-    no public setting for more; without these attributes nothing is kept at all.
+    numba compares the time stamp and the size of the one file that defines the kernel, and has no
+    public setting for more. The digest becomes part of the version, which numba compares before
+    it unpickles the index: an index that refers to renamed modules cannot be unpickled. A cache
+    that cannot be read or written costs a warning and a compilation, not the run.
     """
     file = compiled._cache._cache_file
-    file._source_stamp = (file._source_stamp, _digest(folder))
+    file._version = f"{file._version} {_digest(folder)}"
+    file.load = _never_fails(file.load, file.flush)
+    file.save = _never_fails(file.save, file.flush)
+
+
+def _never_fails(access: Callable[..., Any], reset: Callable[[], None]) -> Callable[..., Any]:
+    def guarded(*arguments: Any) -> Any:
+        try:
+            return access(*arguments)
+        except Exception as error:
+            log.warning("the cache of compiled kernels cannot be used: %s", error)
+            with contextlib.suppress(Exception):
+                reset()
+            return None
+
+    return guarded
 
 
 @cache
