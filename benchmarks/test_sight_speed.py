@@ -13,7 +13,7 @@ from intervis.sight import Scene
 from intervis.transform import inverse, transform
 
 AWAY_M = 5.0
-SCANS = 7
+MAX_SCANS = 7
 
 
 class Question(NamedTuple):
@@ -30,7 +30,7 @@ def question(frames):
     first = frames[0]
     away_m = [np.linalg.norm(frame.pose[:3, 3] - first.pose[:3, 3]) for frame in frames]
     viewpoint = frames[int(np.argmin(np.abs(np.array(away_m) - AWAY_M)))].pose[:3, 3]
-    kept = frames[::2][:SCANS]
+    kept = frames[::2][:MAX_SCANS]
     return Question(
         [frame.points for frame in kept],
         [frame.pose for frame in kept],
@@ -44,7 +44,7 @@ def note(benchmark, question, **more):
     benchmark.extra_info.update(more)
 
 
-@pytest.mark.benchmark(group="a scan made ready")
+@pytest.sample.benchmark(group="a scan made ready")
 def test_scan_to_scene(benchmark, question):
     """To reach: 20 ms."""
     Scene.from_scan(question.scans[0], question.poses[0])
@@ -52,7 +52,7 @@ def test_scan_to_scene(benchmark, question):
     note(benchmark, question, bytes=scene.bytes)
 
 
-@pytest.mark.benchmark(group="a scan made ready")
+@pytest.sample.benchmark(group="a scan made ready")
 def test_rival_scan_to_tree(benchmark, question):
     """Delaunay triangles over the scan's directions, and Embree's tree over them."""
     triangulated = rival()
@@ -64,8 +64,8 @@ def test_rival_scan_to_tree(benchmark, question):
     note(benchmark, question, caster=caster.name)
 
 
-@pytest.mark.benchmark(group="all sight lines of a viewpoint")
-@pytest.mark.parametrize("scans", [1, SCANS])
+@pytest.sample.benchmark(group="all sight lines of a viewpoint")
+@pytest.sample.parametrize("scans", [1, MAX_SCANS])
 def test_sight_lines(benchmark, question, scans):
     """To reach, with one scan: 40 ms on two cores."""
     scene = Scene()
@@ -76,8 +76,8 @@ def test_sight_lines(benchmark, question, scans):
     note(benchmark, question, visible=float((sight.state == 1).mean()))
 
 
-@pytest.mark.benchmark(group="all sight lines of a viewpoint")
-@pytest.mark.parametrize("scans", [1, SCANS])
+@pytest.sample.benchmark(group="all sight lines of a viewpoint")
+@pytest.sample.parametrize("scans", [1, MAX_SCANS])
 def test_rival_casts(benchmark, question, scans):
     """Whether each line is blocked, no more: one surface, or the votes of seven."""
     triangulated = rival()

@@ -10,6 +10,8 @@ from intervis.errors import PointsError
 FloatArray = NDArray[np.floating[Any]]
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
+Int16Array = NDArray[np.int16]
+Int32Array = NDArray[np.int32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Sight
-from intervis.sight.explanation import in_words
+from intervis.sight.explanation import explanation_of
 
 START, END = np.zeros(3), np.array([3.0, 4.0, 0.0])
 
@@ -19,7 +19,7 @@ def answer(state, probability, clearance_m, blocker=(np.nan,) * 3):
 
 
 @pytest.mark.parametrize(
-    ("given", "unknown_m", "words"),
+    ("given", "unobserved_m", "words"),
     [
         (
             answer(VISIBLE, 0.934, 0.456),
@@ -32,19 +32,19 @@ def answer(state, probability, clearance_m, blocker=(np.nan,) * 3):
                 "0.5 m",
             ],
         ),
-        (answer(VISIBLE, 0.9999, np.inf), 0.0, ["more than 99 %", "no surface is known beside it"]),
+        (answer(VISIBLE, 0.9999, np.inf), 0.0, ["more than 99 %", "no surface was observed beside it"]),
         (
             answer(OCCLUDED, 0.02, -0.3, (1.5, 2.0, 0.0)),
             0.0,
             ["Occluded: ", "of 2 %", "2.5 m from", "at (1.5, 2.0, 0.0)", "0.3 m higher"],
         ),
-        (answer(OCCLUDED, 0.001, -0.3), 0.0, ["less than 1 %", "not seen at one place"]),
-        (answer(UNKNOWN, 0.6, 0.2), 0.1, ["Unknown: ", "60 %", "neither answer is safe"]),
-        (answer(UNKNOWN, 0.95, np.inf), 3.2, ["No scan saw 3.2 of its 5.0 m"]),
+        (answer(OCCLUDED, 0.001, -0.3), 0.0, ["less than 1 %", "has no single position"]),
+        (answer(UNKNOWN, 0.6, 0.2), 0.1, ["Unknown: ", "60 %", "neither answer is certain"]),
+        (answer(UNKNOWN, 0.95, np.inf), 3.2, ["No scan observed 3.2 of its 5.0 m"]),
     ],
 )
-def test_each_answer_has_its_words(given, unknown_m, words):
-    said = str(in_words(START, END, given, unknown_m))
+def test_each_answer_has_its_words(given, unobserved_m, words):
+    said = str(explanation_of(START, END, given, unobserved_m))
     for word in words:
         assert word in said
     assert "nan" not in said
@@ -52,6 +52,6 @@ def test_each_answer_has_its_words(given, unknown_m, words):
 
 
 def test_the_numbers_stand_beside_the_words():
-    blocked = in_words(START, END, answer(OCCLUDED, 0.02, -0.3, (1.5, 2.0, 0.0)), 0.0)
+    blocked = explanation_of(START, END, answer(OCCLUDED, 0.02, -0.3, (1.5, 2.0, 0.0)), 0.0)
     assert (blocked.state, blocked.length_m, blocked.blocker_m) == (OCCLUDED, 5.0, 2.5)
     assert blocked.clearance_m == -0.3

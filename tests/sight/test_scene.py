@@ -152,7 +152,7 @@ def test_poses_that_are_no_rigid_motion_are_refused():
 
 def test_settings_out_of_range_are_refused():
     with pytest.raises(SettingsError):
-        Scene(most_scans=0)
+        Scene(max_scans=0)
     with pytest.raises(SettingsError, match="choose one of"):
         Scene(sensor="HDL-65E")
     with pytest.raises(SettingsError):
@@ -166,7 +166,7 @@ def test_a_moment_needs_to_know_when_each_scan_was_taken():
     scene.add(street_scan(seed=1))
     assert scene.timestamps_s[0] == 3.0
     assert np.isnan(scene.timestamps_s[1])
-    with pytest.raises(SceneError, match="when each scan was taken"):
+    with pytest.raises(SceneError, match="time of every scan"):
         scene.sight([0.0, 0, 0], [[1.0, 0, 0]], moment_s=3.5)
     with pytest.raises(SettingsError, match="timestamp_s"):
         scene.add(street_scan(), None, np.nan)

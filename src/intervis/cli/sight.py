@@ -110,7 +110,7 @@ def remembered_scene(
     from intervis.sight import Scene
     from intervis.transform import inverse
 
-    scene = Scene(most_scans=max(64, len(numbers) + 1))
+    scene = Scene(max_scans=max(64, len(numbers) + 1))
     for number in numbers:
         other = drive[number]
         if now.pose is None or other.pose is None:

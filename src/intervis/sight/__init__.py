@@ -1,7 +1,7 @@
 """Line of sight through observed space.
 
-`Scene` remembers scans and answers who sees whom with visible, occluded or unknown; what these
-mean is written in `intervis.sight.occupancy_model`.
+`Scene` holds posed scans and answers sight lines with visible, occluded or unknown.
+`intervis.sight.occupancy_model` defines the three answers.
 """
 
 from intervis.sight.explanation import Explanation, explain

@@ -1,13 +1,16 @@
-"""A scene: what one scan or many posed scans say about who sees whom."""
+"""A scene: sight lines through the space that one scan or many posed scans observed."""
+
+from __future__ import annotations  # help() then shows ArrayLike by its name
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from intervis.arrays import (
+    BoolArray,
     Float64Array,
     IntArray,
     checked_point,
@@ -15,37 +18,48 @@ from intervis.arrays import (
     finite_rows,
 )
 from intervis.errors import PointsError, SceneError, SettingsError
-from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE, answer_lines
-from intervis.sight.atlas import Memory
-from intervis.sight.chart import chart_of
-from intervis.sight.engine import judge_lines
-from intervis.sight.memory import ScanMemory
-from intervis.sight.occupancy_model import VISIBLE_FROM
+from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE, answer_lines, sum_lines
+from intervis.sight.kernels.packed_scans import PackedScans
+from intervis.sight.occupancy_model import VISIBLE_MIN_PROBABILITY
+from intervis.sight.range_image import range_image_of
+from intervis.sight.scan_buffer import ScanBuffer
 from intervis.sight.sensor import Sensor, sensor_named, sensor_of_scan
 from intervis.transform import checked_pose
 
 __all__ = ["OCCLUDED", "UNKNOWN", "VISIBLE", "Scene", "Sight"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sight:
-    """Answers for sight lines; every array has the lines' shape, (M,) or (N, M).
+    """Answers for sight lines. Every array has the shape of the lines, (M,) or (N, M).
+
+    ``len(sight)`` is the length of the first axis; ``sight[key]`` indexes all arrays alike.
 
     Attributes
     ----------
     state : int8 array
-        1 visible, 0 occluded, -1 unknown (see `intervis.sight.occupancy_model`).
+        1 visible, 0 occluded, -1 unknown (see `intervis.sight.occupancy_model`). Use the masks
+        `visible`, `occluded` and `unknown` in conditions: -1 is truthy.
     probability : float64 array
-        Of being visible, calibrated on held-out returns; NaN where an end of the line was not
-        finite or the line was longer than asked for.
+        P(visible), calibrated on held-out returns. NaN if an end of the line is not finite or the
+        line is longer than `max_range_m`.
     blocker : (..., 3) float64 array
-        Where an occluded line meets the surface that most likely blocks it, scene frame, metres;
-        NaN for the other states. The same place whichever end is the viewpoint.
+        Where an occluded line meets the surface that most likely occludes it, scene frame, metres;
+        NaN for other states. It does not depend on which end is the viewpoint.
     clearance : float64 array
-        Metres. Of a line not occluded: the least gap between the marks in free space and the
-        surface behind them, along the beam of a scan, or their height above ground if that is
-        less; inf where nothing is known beside the line. Of an occluded line: minus the shift,
-        up, down or sideways, that would bring it past the blocking surface.
+        Metres. Of a line that is not occluded: the smallest distance between its samples in free
+        space and the surface behind them, along the beam of a scan, or their height above ground
+        if that is smaller; inf if nothing was observed beside the line. Of an occluded line: minus
+        the shift, up, down or sideways, that would clear the occluding surface.
+
+    Examples
+    --------
+    >>> sight = Sight(np.array([1, -1, 1], np.int8), np.array([0.9, 0.5, 0.97]),
+    ...               np.full((3, 3), np.nan), np.array([0.4, np.inf, 1.2]))
+    >>> sight
+    <Sight: 3 lines, 2 visible, 0 occluded, 1 unknown>
+    >>> sight[sight.visible].probability
+    array([0.9 , 0.97])
     """
 
     state: NDArray[np.int8]
@@ -53,21 +67,54 @@ class Sight:
     blocker: Float64Array
     clearance: Float64Array
 
+    @property
+    def visible(self) -> BoolArray:
+        """Mask of the visible lines."""
+        return np.asarray(self.state == VISIBLE)
+
+    @property
+    def occluded(self) -> BoolArray:
+        """Mask of the occluded lines."""
+        return np.asarray(self.state == OCCLUDED)
+
+    @property
+    def unknown(self) -> BoolArray:
+        """Mask of the unknown lines."""
+        return np.asarray(self.state == UNKNOWN)
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    def __getitem__(self, key: Any) -> Sight:
+        return Sight(
+            np.asarray(self.state[key]),
+            np.asarray(self.probability[key]),
+            np.asarray(self.blocker[key]),
+            np.asarray(self.clearance[key]),
+        )
+
+    def __repr__(self) -> str:
+        counts = (("visible", self.visible), ("occluded", self.occluded), ("unknown", self.unknown))
+        lines = " x ".join(f"{length:,}" for length in self.state.shape) or "1"
+        parts = [f"{np.count_nonzero(mask):,} {name}" for name, mask in counts]
+        return f"<Sight: {lines} line{'' if lines == '1' else 's'}, {', '.join(parts)}>"
+
 
 class Scene:
-    """Observed space: a bounded memory of posed scans that answers sight lines.
+    """Observed space: a bounded buffer of posed scans that answers sight lines.
 
     Parameters
     ----------
     sensor : Sensor, str or None
-        The sensor, or the name of a preset (`intervis.sight.SENSORS`); None derives field of
-        view, beam spacing and range from each scan.
-    most_scans, most_bytes : int
-        Bounds of the memory; the oldest and farthest scan goes first.
+        The sensor, or the name of a preset (`intervis.sight.SENSORS`). None derives field of view,
+        beam spacing and range from each scan.
+    max_scans, max_bytes : int
+        Limits of the buffer. A full buffer evicts the scan with the largest
+        age / max(age) + distance / max(distance).
 
     Examples
     --------
-    A wall 10 m ahead; behind it nothing is known, before it everything is seen:
+    A wall 10 m ahead. The space in front of it is observed, the space behind it is not:
 
     >>> y, z = np.meshgrid(np.arange(-5, 5, 0.04), np.arange(-1.5, 1.5, 0.06))
     >>> wall = np.stack([np.full(y.size, 10.0), y.ravel(), z.ravel()], axis=1)
@@ -83,11 +130,11 @@ class Scene:
         self,
         *,
         sensor: Sensor | str | None = None,
-        most_scans: int = 64,
-        most_bytes: int = 1 << 28,
+        max_scans: int = 64,
+        max_bytes: int = 1 << 28,
     ) -> None:
         self.sensor = sensor_named(sensor) if isinstance(sensor, str) else sensor
-        self._memory = ScanMemory(most_scans, most_bytes)
+        self._buffer = ScanBuffer(max_scans, max_bytes)
 
     @classmethod
     def from_scan(
@@ -99,27 +146,31 @@ class Scene:
         return scene
 
     def __len__(self) -> int:
-        return len(self._memory)
+        return len(self._buffer)
+
+    def __repr__(self) -> str:
+        scans = len(self)
+        return f"<Scene: {scans} scan{'' if scans == 1 else 's'}, {self.bytes / 1e6:.1f} MB>"
 
     @property
     def bytes(self) -> int:
-        """Memory that the remembered scans take."""
-        return self._memory.bytes
+        """Memory of the scans, bytes."""
+        return self._buffer.bytes
 
     @property
     def poses(self) -> Float64Array:
-        """(S, 4, 4) poses of the scans remembered, oldest first."""
-        return self._memory.poses
+        """(S, 4, 4) poses of the scans, oldest first."""
+        return self._buffer.poses
 
     @property
     def timestamps_s(self) -> Float64Array:
-        """(S,) when they were taken, seconds; NaN where that was not said."""
-        return self._memory.timestamps_s
+        """(S,) times of the scans, seconds; NaN if not given."""
+        return self._buffer.timestamps_s
 
     def add(
         self, points: ArrayLike, pose: ArrayLike | None = None, timestamp_s: float | None = None
     ) -> None:
-        """Remember a scan; non-finite returns are left out.
+        """Add a scan. Non-finite returns are left out.
 
         Parameters
         ----------
@@ -128,7 +179,7 @@ class Scene:
         pose : (4, 4) array or None
             world_from_velo: the scene's frame is the world's. None: it is the sensor's.
         timestamp_s : float or None
-            When the scan was taken, seconds from any start; see `moment_s` of `sight`.
+            Time of the scan, seconds from any start; see `moment_s` of `sight`.
 
         Raises
         ------
@@ -137,15 +188,15 @@ class Scene:
         PoseError
             No rigid motion.
         SettingsError
-            The stamp is not finite.
+            The timestamp is not finite.
         """
         xyz = checked_points(np.asarray(points))
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         finite = finite_rows(xyz)
         kept = xyz if finite.all() else xyz[finite]
         sensor = sensor_of_scan(kept) if self.sensor is None else self.sensor
-        stamp = np.nan if timestamp_s is None else _finite_time("timestamp_s", timestamp_s)
-        self._memory.add(chart_of(kept, sensor), scene_from_sensor, stamp)
+        time_s = np.nan if timestamp_s is None else _finite_time("timestamp_s", timestamp_s)
+        self._buffer.add(range_image_of(kept, sensor), scene_from_sensor, time_s)
 
     def sight(
         self,
@@ -153,10 +204,10 @@ class Scene:
         targets: ArrayLike,
         *,
         max_range_m: float | None = None,
-        visible_from: float = VISIBLE_FROM,
+        visible_from: float = VISIBLE_MIN_PROBABILITY,
         moment_s: float | None = None,
     ) -> Sight:
-        """Which targets are visible from a viewpoint, or from each of many.
+        """Which targets are visible from a viewpoint, or from each of several viewpoints.
 
         Parameters
         ----------
@@ -165,33 +216,32 @@ class Scene:
         targets : (M, 3) array
             Metres, scene frame. A target that is not finite is unknown.
         max_range_m : float or None
-            Longer lines are not judged: unknown, probability NaN.
+            Longer lines are unknown, with probability NaN.
         visible_from : float
-            Least probability at which a line is called visible. More caution leaves more lines
-            unknown, and fewer wrong ones visible.
+            Smallest probability of a visible line. A higher value leaves more lines unknown and
+            calls fewer occluded lines visible.
         moment_s : float or None
-            When the lines are to be seen along, in the time of the scans' stamps: scans taken
-            near that moment count most. None: at no moment in particular, as on a map; scans
-            taken near the line count most.
+            Query time, on the clock of the scans' timestamps: scans near that time contribute
+            most. None: no particular time, as on a map; scans near the line contribute most.
 
         Returns
         -------
         Sight
-            Of shape (M,), or (N, M) for many viewpoints.
+            Of shape (M,), or (N, M) for several viewpoints.
 
         Raises
         ------
         PointsError
             Wrong shape or type, or a viewpoint that is not finite.
         SceneError
-            The scene holds no scan; a moment is asked about and a scan has no stamp.
+            The scene holds no scan; or a query time is given and a scan has no timestamp.
         SettingsError
-            `visible_from` is no probability, or `moment_s` is not finite.
+            `visible_from` is not a probability, or `moment_s` is not finite.
         """
         if not 0.0 <= visible_from <= 1.0:
-            raise SettingsError(f"visible_from is a probability, got {visible_from}.")
+            raise SettingsError(f"visible_from is a probability from 0 to 1, got {visible_from}.")
         from_points, to_points = _viewpoints(viewpoint), _targets(targets)
-        found = answer_lines(
+        answers = answer_lines(
             self._packed(moment_s),
             from_points,
             to_points,
@@ -201,10 +251,10 @@ class Scene:
         )
         shape = (len(from_points), len(to_points)) if np.ndim(viewpoint) == 2 else (-1,)
         return Sight(
-            found.state.reshape(shape),
-            found.probability.reshape(shape),
-            found.blocker.reshape((*shape, 3)),
-            found.clearance.reshape(shape),
+            answers.state.reshape(shape),
+            answers.probability.reshape(shape),
+            answers.blocker.reshape((*shape, 3)),
+            answers.clearance.reshape(shape),
         )
 
     def sight_lines(
@@ -236,12 +286,12 @@ class Scene:
         *,
         moment_s: float | None = None,
     ) -> tuple[IntArray, IntArray, Sight]:
-        """Only the lines of many viewpoints and targets that are short enough.
+        """Sight lines between several viewpoints and targets that are at most `max_range_m` long.
 
         Returns
         -------
         row, column : (L,) int64 arrays
-            Which viewpoint and which target, in ascending order.
+            Index of viewpoint and target of each line, in ascending order.
         sight : Sight
             Of shape (L,).
         """
@@ -250,33 +300,32 @@ class Scene:
         from_points = _viewpoints(np.atleast_2d(np.asarray(viewpoints, dtype=np.float64)))
         to_points = _targets(targets)
         finite = np.flatnonzero(np.isfinite(to_points).all(axis=1))
-        found = cKDTree(from_points).sparse_distance_matrix(
+        near = cKDTree(from_points).sparse_distance_matrix(
             cKDTree(to_points[finite]), max_range_m, output_type="ndarray"
         )
-        row, column = found["i"].astype(np.int64), finite[found["j"]].astype(np.int64)
+        row, column = near["i"].astype(np.int64), finite[near["j"]].astype(np.int64)
         order = np.lexsort((column, row))
         row, column = row[order], column[order]
         starts, ends = from_points[row], to_points[column]
         return row, column, self.sight_lines(starts, ends, moment_s=moment_s)
 
-    def unknown_length(
+    def unobserved_length(
         self, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None
     ) -> float:
-        """Metres of one line that no scan saw, its last 0.4 m at either end left aside."""
+        """Metres of one line that no scan observed; 0.4 m at either end are not counted."""
         start, end = checked_point(viewpoint)[None], checked_point(target)[None]
-        return float(judge_lines(self._packed(moment_s), start, end).unknown_m[0])
+        return float(sum_lines(self._packed(moment_s), start, end).unobserved_m[0])
 
-    def _packed(self, moment_s: float | None = None) -> Memory:
-        if len(self._memory) == 0:
+    def _packed(self, moment_s: float | None = None) -> PackedScans:
+        if len(self._buffer) == 0:
             raise SceneError("the scene holds no scan: call scene.add(points, pose) first.")
         if moment_s is None:
-            return self._memory.packed()
-        if np.isnan(self._memory.timestamps_s).any():
+            return self._buffer.packed()
+        if np.isnan(self._buffer.timestamps_s).any():
             raise SceneError(
-                "moment_s needs to know when each scan was taken: call"
-                " scene.add(points, pose, timestamp_s)."
+                "moment_s needs the time of every scan: call scene.add(points, pose, timestamp_s)."
             )
-        return self._memory.packed_at(_finite_time("moment_s", moment_s))
+        return self._buffer.packed_at(_finite_time("moment_s", moment_s))
 
 
 def _finite_time(name: str, seconds: float) -> float:
@@ -296,11 +345,11 @@ def _viewpoints(viewpoint: ArrayLike) -> Float64Array:
 
 
 def _targets(points: ArrayLike, name: str = "targets") -> Float64Array:
-    """(M, 3) float64 points, finite or not; an empty list is no target."""
+    """(M, 3) float64 points, finite or not; an empty list has no target."""
     array = np.asarray(points)
     if array.size == 0 and array.ndim <= 2:
         return np.empty((0, 3))
     if array.dtype.kind in "iu":
         array = array.astype(np.float64)
-    # kernels are compiled for arrays that can be written to: one that cannot is copied
+    # Kernels are compiled for writable arrays; a read-only one is copied.
     return np.require(checked_points(array, name), np.float64, ["C", "W"])

@@ -1,4 +1,4 @@
-"""What a scanning sensor can see: field of view, beams, range and divergence."""
+"""Sensor model: field of view, beams, range limits and beam divergence."""
 
 from dataclasses import dataclass
 
@@ -16,20 +16,20 @@ class Sensor:
     ----------
     name : str
     beams : int
-        Lasers stacked above each other.
+        Number of laser beams.
     lowest_deg, highest_deg : float
-        Elevation of the lowest and the highest beam above the sensor's xy plane.
+        Elevation of the lowest and the highest beam, degrees above the sensor's xy plane.
     azimuth_step_deg : float
-        Angle between two firings of one beam at the usual rotation rate.
-    least_range_m, range_m : float
-        Nearer and farther than this nothing comes back.
+        Azimuth between two firings of one beam at the usual rotation rate.
+    min_range_m, max_range_m : float
+        Range limits of returns.
     divergence_deg : float
-        Full opening angle of one beam: no edge is known more sharply.
+        Full opening angle of one beam.
 
     Raises
     ------
     SettingsError
-        A value makes no sense.
+        A value is out of range.
 
     Examples
     --------
@@ -42,8 +42,8 @@ class Sensor:
     lowest_deg: float
     highest_deg: float
     azimuth_step_deg: float
-    least_range_m: float
-    range_m: float
+    min_range_m: float
+    max_range_m: float
     divergence_deg: float
 
     def __post_init__(self) -> None:
@@ -58,10 +58,10 @@ class Sensor:
             raise SettingsError(
                 f"azimuth_step_deg must be between 0 and 10, got {self.azimuth_step_deg}."
             )
-        if not 0.0 <= self.least_range_m < self.range_m:
+        if not 0.0 <= self.min_range_m < self.max_range_m:
             raise SettingsError(
-                "a sensor's ranges must be 0 <= least_range_m < range_m, got"
-                f" {self.least_range_m} and {self.range_m}."
+                "a sensor's ranges must be 0 <= min_range_m < max_range_m, got"
+                f" {self.min_range_m} and {self.max_range_m}."
             )
         if not 0.0 <= self.divergence_deg <= 5.0:
             raise SettingsError(
@@ -74,7 +74,7 @@ class Sensor:
         return (self.highest_deg - self.lowest_deg) / max(self.beams - 1, 1)
 
 
-# From the makers' data sheets: field of view, range on a well reflecting target, rate at 10 Hz.
+# From the manufacturers' data sheets: field of view, range on a reflective target, rate at 10 Hz.
 HDL_64E = Sensor("HDL-64E", 64, -24.8, 2.0, 0.173, 0.9, 120.0, 0.11)
 HDL_32E = Sensor("HDL-32E", 32, -30.67, 10.67, 0.166, 0.9, 100.0, 0.16)
 VLP_16 = Sensor("VLP-16", 16, -15.0, 15.0, 0.2, 0.5, 100.0, 0.17)
@@ -107,7 +107,7 @@ def sensor_named(name: str) -> Sensor:
 
 
 def sensor_of_scan(points_velo: FloatArray) -> Sensor:
-    """A sensor as one of its scans shows it: field of view, spacing and range of its returns.
+    """The sensor of a scan, estimated from field of view, spacing and range of its returns.
 
     Parameters
     ----------
@@ -117,9 +117,8 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     Returns
     -------
     Sensor
-        Named "derived". Its azimuth step is the one that spreads the returns over its beams; the
-        beams are counted as peaks of the elevation histogram. `GENERIC` where there are too few
-        returns (under 500) to say.
+        Named "derived". Beams are counted as peaks of the elevation histogram; the azimuth step
+        spreads the returns evenly over the beams. `GENERIC` for fewer than 500 returns.
 
     Examples
     --------
@@ -141,8 +140,7 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     if highest - lowest < 0.5:
         return GENERIC
     beams = _beam_count(elevation_deg, lowest, highest)
-    # Beams into the sky do not come back: the true step is somewhat smaller, the columns of a
-    # chart somewhat wider than they could be.
+    # Beams into the sky have no return: the true step is somewhat smaller than this estimate.
     step = 360.0 * beams / len(points_velo)
     return Sensor(
         "derived",
@@ -151,7 +149,7 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
         float(highest),
         float(np.clip(step, 0.05, 2.0)),
         min(0.5, float(range_m.min())),
-        max(GENERIC.range_m, float(range_m.max())),
+        max(GENERIC.max_range_m, float(range_m.max())),
         GENERIC.divergence_deg,
     )
 
@@ -159,8 +157,8 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
 def _beam_count(elevation_deg: FloatArray, lowest: float, highest: float) -> int:
     """Beams of a spinning sensor, as peaks in the histogram of elevations.
 
-    Where no peaks stand out (a calibrated sensor whose beams do not meet in one point, points in
-    no order) the densest usual stack is assumed: one beam in 0.42 degrees.
+    Without clear peaks (beams with different origins, as in a calibrated HDL-64E) one beam per 0.42
+    degrees is assumed.
     """
     bins = max(8, int((highest - lowest) / 0.05))
     count, _ = np.histogram(elevation_deg, bins=bins, range=(lowest - 0.025, highest + 0.025))

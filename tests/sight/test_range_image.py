@@ -8,65 +8,72 @@ from made_scans import GROUND_M, directions, ranges, street_scan
 
 from intervis.errors import SettingsError
 from intervis.sight import GENERIC, HDL_64E, SENSORS, Sensor, sensor_named, sensor_of_scan
-from intervis.sight.chart import TURN, chart_of, turn_of
-from intervis.sight.ground import CELL_M, CELLS, ground_below
+from intervis.sight.ground_map import ground_map_of
+from intervis.sight.kernels.azimuth import FULL_CIRCLE, pseudo_azimuth
+from intervis.sight.kernels.terrain import CELL_M, CELLS
+from intervis.sight.range_image import range_image_of
 
 NOTHING = np.empty((0, 6))
 
 
-def at_cells(chart):
-    """Azimuth (radians) and slope of the middles of a chart's cells."""
-    columns, rows = chart.cells.shape
-    slope = chart.slope_from + np.arange(rows) * chart.slope_step
+def at_pixels(image):
+    """Azimuth (radians) and slope of the middles of a image's cells."""
+    columns, rows = image.pixels.shape
+    slope = image.tan_elevation_from + np.arange(rows) * image.tan_elevation_step
     return (np.arange(columns) + 0.5) * (2 * np.pi / columns), slope
 
 
 @given(st.floats(-np.pi, np.pi), st.floats(0.01, 100.0))
-def test_turn_follows_the_azimuth_to_a_tenth_of_a_degree(azimuth, range_m):
-    turn = turn_of(range_m * np.cos(azimuth), range_m * np.sin(azimuth))
-    assert 0.0 <= turn <= TURN
-    off_deg = (turn * 45.0 - np.degrees(azimuth) + 180.0) % 360.0 - 180.0
+def test_pseudo_azimuth_follows_the_azimuth_to_a_tenth_of_a_degree(azimuth, range_m):
+    units = pseudo_azimuth(range_m * np.cos(azimuth), range_m * np.sin(azimuth))
+    assert 0.0 <= units <= FULL_CIRCLE
+    off_deg = (units * 45.0 - np.degrees(azimuth) + 180.0) % 360.0 - 180.0
     assert abs(off_deg) < 0.11
 
 
-def test_turn_never_falls():
+def test_pseudo_azimuth_never_falls():
     azimuth = np.linspace(0.0, 2 * np.pi, 20_001)[:-1]
-    turn = np.array([turn_of(x, y) for x, y in zip(np.cos(azimuth), np.sin(azimuth), strict=True)])
-    assert (np.diff(turn) > 0).all()
+    units = np.array(
+        [pseudo_azimuth(x, y) for x, y in zip(np.cos(azimuth), np.sin(azimuth), strict=True)]
+    )
+    assert (np.diff(units) > 0).all()
 
 
 def test_a_plane_is_carried_on_exactly_between_the_beams():
     rays = directions(beams=32)
     range_m = ranges(np.zeros(3), rays, NOTHING)
     hit = range_m < 40.0
-    chart = chart_of(rays[hit] * range_m[hit, None], HDL_64E)
-    _, slope = at_cells(chart)
+    image = range_image_of(rays[hit] * range_m[hit, None], HDL_64E)
+    _, slope = at_pixels(image)
     rows = (slope < np.tan(np.radians(-12.0))) & (slope > np.tan(np.radians(-24.0)))
-    rho = chart.unit_m * chart.cells[:, rows].astype(float)
+    rho = image.unit_m * image.pixels[:, rows].astype(float)
     assert (rho > 0).all(), "a plane is one solid surface"
     assert rho == pytest.approx(np.broadcast_to((GROUND_M / slope[rows]), rho.shape), 1e-3)
 
 
 def test_directions_without_a_return_hold_nothing():
-    chart = chart_of(street_scan(boxes=NOTHING), HDL_64E)
-    _, slope = at_cells(chart)
-    assert (chart.cells[:, slope > np.tan(np.radians(0.5))] == 0).all()
-    assert (chart.cells[:, slope < np.tan(np.radians(-26.5))] == 0).all()
+    image = range_image_of(street_scan(boxes=NOTHING), HDL_64E)
+    _, slope = at_pixels(image)
+    assert (image.pixels[:, slope > np.tan(np.radians(0.5))] == 0).all()
+    assert (image.pixels[:, slope < np.tan(np.radians(-26.5))] == 0).all()
 
 
 def test_a_lone_return_is_scattered_and_small():
-    chart = chart_of(np.array([[10.0, 3.0, 0.5]]), HDL_64E)
-    filled = chart.cells != 0
+    image = range_image_of(np.array([[10.0, 3.0, 0.5]]), HDL_64E)
+    filled = image.pixels != 0
     assert 1 <= filled.sum() <= 6
-    assert (chart.cells[filled] < 0).all()
+    assert (image.pixels[filled] < 0).all()
 
 
 def test_the_order_of_the_returns_does_not_matter(rng):
     scan = street_scan()
-    one, other = chart_of(scan, HDL_64E), chart_of(scan[rng.permutation(len(scan))], HDL_64E)
-    assert one.cells.shape == other.cells.shape
+    one, other = (
+        range_image_of(scan, HDL_64E),
+        range_image_of(scan[rng.permutation(len(scan))], HDL_64E),
+    )
+    assert one.pixels.shape == other.pixels.shape
     # two returns of one beam in one column may swap: the noise of a range, no more
-    apart_m = one.unit_m * np.abs(np.abs(one.cells.astype(float)) - np.abs(other.cells))
+    apart_m = one.unit_m * np.abs(np.abs(one.pixels.astype(float)) - np.abs(other.pixels))
     assert (apart_m < 0.15).mean() > 0.995
 
 
@@ -75,7 +82,7 @@ def test_ground_rises_with_a_hill_and_not_with_what_stands_on_it(rng):
     z = -1.7 + 0.05 * x
     z[(abs(x - 10) < 2) & (abs(y) < 1)] += 1.5  # a car
     z[:50] = -9.0  # reflections from under the road
-    ground_m = ground_below(np.column_stack([x, y, z]))
+    ground_m = ground_map_of(np.column_stack([x, y, z]))
     middle = (np.arange(CELLS) + 0.5 - CELLS // 2) * CELL_M
     inside = abs(middle) < 48
     off = ground_m - (-1.7 + 0.05 * middle)[:, None]
@@ -84,7 +91,7 @@ def test_ground_rises_with_a_hill_and_not_with_what_stands_on_it(rng):
 
 
 def test_ground_without_returns_is_a_usual_mount_below():
-    assert (ground_below(np.empty((0, 3))) == np.float32(-1.7)).all()
+    assert (ground_map_of(np.empty((0, 3))) == np.float32(-1.7)).all()
 
 
 @pytest.mark.parametrize("name", sorted(SENSORS))
@@ -110,11 +117,11 @@ def test_sensors_that_make_no_sense_are_refused():
         "lowest_deg": -9.0,
         "highest_deg": 9.0,
         "azimuth_step_deg": 0.2,
-        "least_range_m": 1.0,
-        "range_m": 50.0,
+        "min_range_m": 1.0,
+        "max_range_m": 50.0,
         "divergence_deg": 0.1,
     }
     assert Sensor(**good).beam_spacing_deg == 6.0
-    for bad in ({"beams": 0}, {"lowest_deg": 9.0}, {"range_m": 0.5}, {"azimuth_step_deg": 0.0}):
+    for bad in ({"beams": 0}, {"lowest_deg": 9.0}, {"max_range_m": 0.5}, {"azimuth_step_deg": 0.0}):
         with pytest.raises(SettingsError):
             Sensor(**(good | bad))

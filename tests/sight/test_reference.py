@@ -1,4 +1,4 @@
-"""The fast engine against the slow oracle, on made scenes and on a real drive."""
+"""The fast engine against the slow reference, on made scenes and on a real drive."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from made_scans import street_scan, turned
 
 from intervis.drives import open_drive
 from intervis.sight import Scene
-from intervis.sight.engine import judge_lines
-from intervis.sight.oracle import judge_line
+from intervis.sight.answers import sum_lines
+from intervis.sight.reference import reference_result
 from intervis.transform import transform
 
 
@@ -36,20 +36,20 @@ def random_lines(rng: np.random.Generator, count: int):
 
 
 def compare(scene: Scene, a, b, moment_s=None) -> None:
-    memory = scene._packed(moment_s)
-    found = judge_lines(memory, a, b)
-    verdicts = [judge_line(memory, p, q) for p, q in zip(a, b, strict=True)]
-    for name in ("open", "hidden", "seen", "unknown_m", "shadow_m", "apart_s"):
-        expected = np.array([getattr(verdict, name) for verdict in verdicts])
-        np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-9, atol=1e-9)
+    scans = scene._packed(moment_s)
+    sums = sum_lines(scans, a, b)
+    results = [reference_result(scans, p, q) for p, q in zip(a, b, strict=True)]
+    for name in ("free", "unobserved", "surface", "unobserved_m", "occluded_space_m", "time_gap_s"):
+        expected = np.array([getattr(result, name) for result in results])
+        np.testing.assert_allclose(getattr(sums, name), expected, rtol=1e-9, atol=1e-9)
 
 
-def test_engine_agrees_with_oracle_in_all_octants(scene, rng):
+def test_engine_agrees_with_reference_in_all_octants(scene, rng):
     compare(scene, *random_lines(rng, 3000))
 
 
 @pytest.mark.parametrize("moment_s", [-1.0, 0.0, 0.13, 0.4, 0.68, 3.0])
-def test_engine_agrees_with_oracle_at_any_moment(scene, rng, moment_s):
+def test_engine_agrees_with_reference_at_any_moment(scene, rng, moment_s):
     a, b = random_lines(rng, 500)
     compare(scene, a, b, moment_s)
     one, back = (scene.sight_lines(*ends, moment_s=moment_s) for ends in ((a, b), (b, a)))
@@ -57,26 +57,26 @@ def test_engine_agrees_with_oracle_at_any_moment(scene, rng, moment_s):
         assert np.array_equal(there, here, equal_nan=True)
 
 
-def test_states_are_the_oracles(scene, rng):
+def test_states_are_the_references(scene, rng):
     a, b = random_lines(rng, 400)
     for moment_s in (None, 0.55):
         sight = scene.sight_lines(a, b, moment_s=moment_s)
-        memory = scene._packed(moment_s)
-        verdicts = [judge_line(memory, p, q) for p, q in zip(a, b, strict=True)]
-        states = [verdict.state for verdict in verdicts]
+        scans = scene._packed(moment_s)
+        results = [reference_result(scans, p, q) for p, q in zip(a, b, strict=True)]
+        states = [result.state for result in results]
         assert sight.state.tolist() == states
         assert set(states) == {-1, 0, 1}, "the lines must exercise all three answers"
-        probability = [verdict.probability for verdict in verdicts]
+        probability = [result.probability for result in results]
         np.testing.assert_allclose(sight.probability, probability, rtol=0, atol=1e-12)
 
 
-def test_one_scans_answers_are_the_oracles(rng):
+def test_one_scans_answers_are_the_references(rng):
     alone = Scene.from_scan(street_scan(turned(0.0, 0.0, 0.0), seed=3))
     a, b = random_lines(rng, 300)
-    verdicts = [judge_line(alone._packed(), p, q) for p, q in zip(a, b, strict=True)]
+    results = [reference_result(alone._packed(), p, q) for p, q in zip(a, b, strict=True)]
     sight = alone.sight_lines(a, b)
-    assert sight.state.tolist() == [verdict.state for verdict in verdicts]
-    probability = [verdict.probability for verdict in verdicts]
+    assert sight.state.tolist() == [result.state for result in results]
+    probability = [result.probability for result in results]
     np.testing.assert_allclose(sight.probability, probability, rtol=0, atol=1e-12)
 
 

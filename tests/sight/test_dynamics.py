@@ -7,9 +7,17 @@ from hypothesis import strategies as st
 from made_scans import GROUND_M, clear, street_scan, turned
 
 from intervis.sight import Scene
-from intervis.sight.engine import judge_lines
+from intervis.sight.answers import sum_lines
 from intervis.sight.occupancy_model import MODEL
-from intervis.sight.oracle import judge_line
+from intervis.sight.reference import reference_result
+
+STATIC = MODEL._replace(parameters=MODEL.parameters._replace(dynamic_min_height_m=99.0))
+"""The model without its rule for dynamic objects."""
+
+
+def transmittance(sums):
+    return np.exp(-(sums.free + sums.surface + sums.unobserved))
+
 
 HOUSE = [-40.0, 12.0, GROUND_M, 60.0, 14.0, 6.0]
 TARGET_Y, HEIGHT_M = 11.8, -0.9
@@ -48,9 +56,9 @@ def test_a_car_that_drives_past_stands_between_its_places(first_x, last_x):
     sight = scene.sight(viewpoint, targets)
     assert ((sight.probability >= 0.5) == truth).mean() > 0.8
     ends = np.broadcast_to(viewpoint, targets.shape), targets
-    still = judge_lines(scene._packed(), *ends, MODEL._replace(changed_low_m=99.0))
+    still = sum_lines(scene._packed(), *ends, STATIC)
     wrong = (sight.probability >= 0.5) != truth
-    assert wrong.sum() < 0.5 * ((np.exp(-still.exponent) >= 0.5) != truth).sum()
+    assert wrong.sum() < 0.5 * ((transmittance(still) >= 0.5) != truth).sum()
 
 
 @pytest.mark.parametrize("moment_s", [0.0, 0.25, 0.5, 0.75, 1.0])
@@ -76,23 +84,24 @@ def test_the_gap_between_parked_cars_stays_as_open_as_each_scan_left_it():
         scene.add(street_scan(pose, boxes=boxes), pose)
     viewpoint, targets = lines_through(3.0, np.linspace(-2.0, 8.0, 101))
     ends = np.broadcast_to(viewpoint, targets.shape), targets
-    followed = judge_lines(scene._packed(), *ends)
-    still = judge_lines(scene._packed(), *ends, MODEL._replace(changed_low_m=99.0))
-    assert (np.exp(-followed.exponent) > np.exp(-still.exponent) - 0.1).all()
+    followed = sum_lines(scene._packed(), *ends)
+    still = sum_lines(scene._packed(), *ends, STATIC)
+    assert (transmittance(followed) > transmittance(still) - 0.1).all()
 
 
 @settings(max_examples=15)
 @given(first_x=st.floats(-6.0, 10.0), last_x=st.floats(-6.0, 10.0), seed=st.integers(0, 2**32 - 1))
-def test_engine_is_the_oracle_where_something_moved(first_x, last_x, seed):
+def test_engine_is_the_reference_where_something_moved(first_x, last_x, seed):
     scene = scene_of(round(first_x), round(last_x))
     rng = np.random.default_rng(seed)
     a = rng.uniform([-4, -2, -1.2], [10, 2, 0.5], (30, 3))
     b = rng.uniform([-12, 6, -1.4], [18, 11.9, 0.5], (30, 3))
-    memory = scene._packed()
-    found = judge_lines(memory, a, b)
-    back = judge_lines(memory, b, a)
+    scans = scene._packed()
+    sums = sum_lines(scans, a, b)
+    back = sum_lines(scans, b, a)
     for i in range(len(a)):
-        verdict = judge_line(memory, a[i], b[i])
-        assert found.seen[i] == pytest.approx(verdict.seen, abs=1e-9)
-        assert found.open[i] == pytest.approx(verdict.open, abs=1e-9)
-    assert np.array_equal(found.exponent, back.exponent)
+        result = reference_result(scans, a[i], b[i])
+        assert sums.surface[i] == pytest.approx(result.surface, abs=1e-9)
+        assert sums.free[i] == pytest.approx(result.free, abs=1e-9)
+    for there, here in zip(sums[:4], back[:4], strict=True):
+        assert np.array_equal(there, here)

@@ -1,8 +1,4 @@
-"""The ground around a sensor: how high above it a point of space is.
-
-Traffic, people and parked cars fill the lowest two metres; whether unseen space is likely to hold
-something depends on the height above the ground first of all.
-"""
+"""Kernels of the ground map: lowest returns per cell, outliers, slope filter, extrapolation."""
 
 import numpy as np
 
@@ -11,17 +7,18 @@ from intervis.kernels import kernel
 
 CELL_M = 1.0
 CELLS = 128
-"""The ground is known on CELLS x CELLS squares around the sensor; beyond, its rim carries on."""
-STEEPEST_GROUND = 0.15
-"""Ground rises by no more than this slope: what rises faster stands on the ground."""
-DESCENT = 0.08
-"""Ground falls away from the sensor by no more than this slope; deeper returns are reflections."""
-_STRAY_M = 0.35
-_USUAL_MOUNT_M = 1.7
+"""The map has CELLS x CELLS square cells around the sensor. Beyond, its border value applies."""
+MAX_RISE = 0.15
+"""Slope above which a rise is an object on the ground, not ground."""
+MAX_DESCENT = 0.08
+"""Slope below which the ground does not fall away from the sensor: deeper returns are multipath."""
+OUTLIER_M = 0.35
+NEAR_SENSOR_M = 12.0
+"""The ground height at the sensor is the median over cells closer than this."""
 
 
 @kernel
-def _lowest(xyz: Float64Array, least: Float32Array) -> None:
+def lowest_returns(xyz: Float64Array, least: Float32Array) -> None:
     """Third lowest height of each cell's returns; infinite with fewer than four."""
     half = 0.5 * CELLS * CELL_M
     lows = np.full((CELLS, CELLS, 3), np.inf, np.float32)
@@ -46,8 +43,8 @@ def _lowest(xyz: Float64Array, least: Float32Array) -> None:
 
 
 @kernel
-def _without_strays(least: Float32Array, kept: Float32Array) -> None:
-    """Drop cells well below most of their neighbours: reflections from under the road."""
+def remove_outliers(least: Float32Array, kept: Float32Array) -> None:
+    """Drop cells well below most of their neighbours: multipath returns below the road."""
     around = np.empty(25, np.float32)
     for a in range(CELLS):
         for b in range(CELLS):
@@ -63,19 +60,19 @@ def _without_strays(least: Float32Array, kept: Float32Array) -> None:
                         n += 1
             below = 0
             for k in range(n):
-                if around[k] < z + _STRAY_M:
+                if around[k] < z + OUTLIER_M:
                     below += 1
             if n < 3 or below * 4 < n:
                 kept[a, b] = np.inf
 
 
 @kernel
-def _without_depths(height: Float32Array) -> None:
-    """Drop cells that lie deeper than any road descends from the ground around the sensor."""
+def remove_too_low(height: Float32Array) -> None:
+    """Drop cells below the steepest descent from the ground around the sensor."""
     around = np.empty(CELLS * CELLS, np.float32)
     n = 0
     middle = CELLS // 2
-    reach = int(12.0 / CELL_M)
+    reach = int(NEAR_SENSOR_M / CELL_M)
     for a in range(middle - reach, middle + reach):
         for b in range(middle - reach, middle + reach):
             if np.isfinite(height[a, b]):
@@ -87,14 +84,14 @@ def _without_depths(height: Float32Array) -> None:
     for a in range(CELLS):
         for b in range(CELLS):
             away = CELL_M * np.sqrt(float((a - middle) ** 2 + (b - middle) ** 2))
-            if height[a, b] < base - _STRAY_M - DESCENT * away:
+            if height[a, b] < base - OUTLIER_M - MAX_DESCENT * away:
                 height[a, b] = np.inf
 
 
 @kernel
-def _under_cones(height: Float32Array) -> None:
-    """Lower each known cell to what the others allow by the steepest slope."""
-    rise = np.float32(STEEPEST_GROUND * CELL_M)
+def slope_filter(height: Float32Array) -> None:
+    """Lower each known cell to the cone of slope `MAX_RISE` above every other known cell."""
+    rise = np.float32(MAX_RISE * CELL_M)
     for _ in range(2):
         for a in range(CELLS):
             for b in range(CELLS):
@@ -111,8 +108,8 @@ def _under_cones(height: Float32Array) -> None:
 
 
 @kernel
-def _carry_on(height: Float32Array, known: BoolArray) -> None:
-    """Give each cell without returns the height of the nearest one that has some."""
+def extrapolate(height: Float32Array, known: BoolArray) -> None:
+    """Give each cell without returns the height of the nearest cell that has some."""
     away = np.full((CELLS, CELLS), 4 * CELLS, np.int64)
     for a in range(CELLS):
         for b in range(CELLS):
@@ -128,38 +125,3 @@ def _carry_on(height: Float32Array, known: BoolArray) -> None:
                 away[a, b], height[a, b] = away[a + 1, b] + 1, height[a + 1, b]
             if b < CELLS - 1 and away[a, b + 1] + 1 < away[a, b]:
                 away[a, b], height[a, b] = away[a, b + 1] + 1, height[a, b + 1]
-
-
-def ground_below(points_velo: Float64Array) -> Float32Array:
-    """Height of the ground around the sensor.
-
-    Parameters
-    ----------
-    points_velo : (N, 3) float64 array
-        A scan in its sensor's frame, metres, z up.
-
-    Returns
-    -------
-    (CELLS, CELLS) float32 array
-        Metres in the sensor's frame; row a is x from (a - CELLS / 2) CELL_M, column b is y
-        likewise. 1.7 m below the sensor everywhere where the scan shows no ground.
-
-    Examples
-    --------
-    >>> x, y = np.meshgrid(np.arange(-9, 9, 0.2), np.arange(-9, 9, 0.2))
-    >>> flat = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1)
-    >>> float(ground_below(flat)[64, 64])
-    -2.0
-    """
-    least = np.empty((CELLS, CELLS), np.float32)
-    kept = np.empty((CELLS, CELLS), np.float32)
-    _lowest(points_velo, least)
-    _without_strays(least, kept)
-    _without_depths(kept)
-    if not np.isfinite(kept).any():
-        kept[:] = -_USUAL_MOUNT_M
-        return kept
-    known = np.isfinite(kept)
-    _under_cones(kept)
-    _carry_on(kept, known)
-    return kept

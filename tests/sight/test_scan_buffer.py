@@ -1,4 +1,4 @@
-"""Memory: bounded, refined by later scans, and without ghosts for ever."""
+"""Scan buffer: bounded, refined by later scans, and without ghosts for ever."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_a_moment_asks_the_scans_of_that_time():
 
 
 def test_stamps_may_come_in_any_order(rng):
-    forward, backward = Scene(most_scans=5), Scene(most_scans=5)
+    forward, backward = Scene(max_scans=5), Scene(max_scans=5)
     scans = [street_scan(boxes=WITH_CAR if n < 3 else BOXES, seed=n, **COARSE) for n in range(5)]
     for scene, numbers in ((forward, range(5)), (backward, reversed(range(5)))):
         for n in numbers:
@@ -80,7 +80,7 @@ def test_a_second_pose_sees_behind_what_hid_from_the_first():
 
 
 def test_memory_is_bounded_and_forgets_the_oldest_and_farthest():
-    scene = Scene(most_scans=5)
+    scene = Scene(max_scans=5)
     for number in range(12):
         pose = turned(0.0, 3.0 * number, 0.0)
         scene.add(street_scan(pose, **COARSE), pose)
@@ -91,11 +91,11 @@ def test_memory_is_bounded_and_forgets_the_oldest_and_farthest():
 def test_memory_is_bounded_in_bytes():
     one = Scene()
     one.add(street_scan(**COARSE))
-    scene = Scene(most_bytes=3 * one.bytes + 1000)
+    scene = Scene(max_bytes=3 * one.bytes + 1000)
     for number in range(8):
         pose = turned(0.0, 2.0 * number, 0.0)
         scene.add(street_scan(pose, **COARSE), pose)
-        assert scene.bytes <= scene._memory.most_bytes
+        assert scene.bytes <= scene._buffer.max_bytes
     assert 2 <= len(scene) <= 3
 
 
@@ -104,7 +104,7 @@ def test_forgetting_leaves_the_others_as_they_were(rng):
     poses = [turned(0.1 * number, 2.0 * number, 0.3 * number) for number in range(9)]
     scans = [street_scan(pose, seed=n, **COARSE) for n, pose in enumerate(poses)]
     scans[4] = street_scan(poses[4], beams=48, step_deg=0.3)  # of another size
-    scene = Scene(most_scans=4)
+    scene = Scene(max_scans=4)
     for scan, pose in zip(scans, poses, strict=True):
         scene.add(scan, pose)
     fresh = Scene()

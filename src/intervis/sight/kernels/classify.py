@@ -1,0 +1,146 @@
+"""States, probabilities, blockers and clearances of many sight lines."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.arrays import Float64Array
+from intervis.kernels import kernel
+from intervis.sight.kernels.batch import new_batch
+from intervis.sight.kernels.line_sums import new_line_sums
+from intervis.sight.kernels.march import march, order_ends
+from intervis.sight.kernels.occluder import locate_occluder
+from intervis.sight.kernels.packed_scans import PackedScans
+from intervis.sight.kernels.parameters import OccupancyModel, Parameters
+
+_LINES_AT_ONCE = 256
+
+
+class Answers(NamedTuple):
+    """State, probability, blocker and clearance of L lines, as in `intervis.sight.Sight`."""
+
+    state: NDArray[np.int8]
+    probability: Float64Array
+    blocker: Float64Array
+    clearance: Float64Array
+
+
+@kernel
+def _can_be_judged(a: Float64Array, b: Float64Array, max_range_m: float) -> bool:
+    """Whether a line's length is finite and at most `max_range_m`."""
+    length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+    return bool(np.isfinite(length) and length <= max_range_m)
+
+
+@kernel
+def _probability(
+    optical_depth: float, time_gap_s: float, single_scan: bool, parameters: Parameters
+) -> float:
+    """P(visible): `occupancy_model.change_fractions` and `occupancy_model.probability` in one."""
+    changed = 1.0 - np.exp(-time_gap_s / parameters.change_time_s)
+    most = parameters.max_changed
+    disappeared = parameters.disappeared_single_scan if single_scan else parameters.disappeared
+    appeared = parameters.appeared_single_scan if single_scan else parameters.appeared
+    disappeared = min(disappeared * changed, most)
+    appeared = min(appeared * changed, most)
+    balance = (0.5 - appeared) / (0.5 - disappeared)
+    unchanged = 1.0 / (1.0 + balance * np.expm1(optical_depth) ** parameters.sharpness)
+    return float(disappeared + (1.0 - disappeared - appeared) * unchanged)
+
+
+@kernel
+def _state(
+    probability: float,
+    surface: float,
+    unobserved: float,
+    unobserved_m: float,
+    occluded_space_m: float,
+    length: float,
+    visible_from: float,
+    parameters: Parameters,
+) -> int:
+    """1 visible, 0 occluded, -1 unknown."""
+    if surface > parameters.occluded_min_surface:
+        return 0
+    judged_m = max(length - 2.0 * parameters.end_margin_m, 0.0)
+    allowed_m = min(
+        parameters.visible_max_unobserved_m, parameters.visible_max_unobserved_fraction * judged_m
+    )
+    if (
+        probability >= visible_from
+        and surface < parameters.visible_max_surface
+        and unobserved < parameters.visible_max_unobserved
+        and unobserved_m <= allowed_m
+        and occluded_space_m <= parameters.visible_max_occluded_space_m
+    ):
+        return 1
+    return -1
+
+
+@kernel
+def answer_range(
+    scans: PackedScans,
+    starts: Float64Array,
+    ends: Float64Array,
+    paired: bool,
+    model: OccupancyModel,
+    visible_from: float,
+    max_range_m: float,
+    begin: int,
+    stop: int,
+    answers: Answers,
+) -> None:
+    """Write the answers of lines `begin` to `stop`; see `intervis.sight.answers.answer_lines`."""
+    parameters, single_scan = model.parameters, len(scans.position) == 1
+    batch, in_sensor_frame = new_batch(scans, model), np.empty((2, 3))
+    first, second = np.empty((_LINES_AT_ONCE, 3)), np.empty((_LINES_AT_ONCE, 3))
+    which = np.empty(_LINES_AT_ONCE, np.int64)
+    sums = new_line_sums(_LINES_AT_ONCE)
+    at = begin
+    while at < stop:
+        count = 0
+        while at < stop and count < _LINES_AT_ONCE:
+            a = starts[at if paired else at // len(ends)]
+            b = ends[at if paired else at % len(ends)]
+            answers.state[at] = -1
+            answers.probability[at] = np.nan
+            answers.clearance[at] = np.nan
+            answers.blocker[at] = np.nan
+            if _can_be_judged(a, b, max_range_m):
+                first[count], second[count] = a, b
+                which[count] = at
+                count += 1
+            at += 1
+        order_ends(first[:count], second[:count])
+        march(scans, first[:count], second[:count], model, batch, sums)
+        for i in range(count):
+            line, a, b = which[i], first[i], second[i]
+            length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+            surface, unobserved = sums.surface[i], sums.unobserved[i]
+            optical_depth = parameters.base_optical_depth + sums.free[i] + surface + unobserved
+            probability = _probability(optical_depth, sums.time_gap_s[i], single_scan, parameters)
+            state = _state(
+                probability,
+                surface,
+                unobserved,
+                sums.unobserved_m[i],
+                sums.occluded_space_m[i],
+                length,
+                visible_from,
+                parameters,
+            )
+            answers.state[line] = state
+            answers.probability[line] = probability
+            answers.clearance[line] = sums.clearance_m[i]
+            if state == 0:
+                answers.clearance[line] = -locate_occluder(
+                    scans.pixels,
+                    batch.descriptors[sums.occluder_scan[i]],
+                    a,
+                    b,
+                    length,
+                    sums.occluder_m[i],
+                    in_sensor_frame,
+                    answers.blocker[line],
+                )

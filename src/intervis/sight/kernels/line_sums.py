@@ -1,0 +1,132 @@
+"""Sums over the samples of each sight line."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intervis.arrays import Float64Array, IntArray
+from intervis.kernels import kernel
+from intervis.sight.kernels.batch import (
+    CLEARANCE,
+    FIRST,
+    FREE,
+    GAP,
+    HEIGHT,
+    IN_OCCLUDED_SPACE,
+    IS_UNOBSERVED,
+    NEAR,
+    RANK,
+    STEP_M,
+    SURFACE,
+    UNOBSERVED,
+    Batch,
+)
+from intervis.sight.kernels.parameters import Parameters
+
+
+class LineSums(NamedTuple):
+    """What the samples of L lines add up to; see `intervis.sight.occupancy_model`.
+
+    Optical depth in three parts: `surface`, `free`, `unobserved`. `unobserved_m` is the length
+    that no scan observed, `occluded_space_m` the part of it behind observed surfaces. `time_gap_s`
+    is the time between the query and the nearest scan. `clearance_m` is the smallest gap to a
+    surface or the ground (inf: none). `occluder_m` is the distance from the line's first end to the
+    sample at a surface with the highest occupancy, `occluder_scan` the scan that observed it (-1:
+    none).
+    """
+
+    free: Float64Array
+    surface: Float64Array
+    unobserved: Float64Array
+    unobserved_m: Float64Array
+    occluded_space_m: Float64Array
+    time_gap_s: Float64Array
+    clearance_m: Float64Array
+    occluder_m: Float64Array
+    occluder_scan: IntArray
+
+
+@kernel
+def new_line_sums(count: int) -> LineSums:
+    """Uninitialised sums for so many lines."""
+    v = np.empty((8, count))
+    return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], np.empty(count, np.int64))
+
+
+@kernel
+def classify_samples(samples: Float64Array, count: int, parameters: Parameters) -> None:
+    """Split the occupancies of the samples into surface, free and unobserved."""
+    surface_to_m, below_ground_m = parameters.surface_to_m, parameters.below_ground_m
+    below_ground_ratio = parameters.below_ground_attenuation_per_m / parameters.attenuation_per_m
+    gap, near, height = samples[GAP], samples[NEAR], samples[HEIGHT]
+    surface, free, unobserved = samples[SURFACE], samples[FREE], samples[UNOBSERVED]
+    is_unobserved, occluded_space = samples[IS_UNOBSERVED], samples[IN_OCCLUDED_SPACE]
+    clearance = samples[CLEARANCE]
+    for m in range(count):
+        # One select at a time on values that are loaded unconditionally: joined conditions and
+        # conditional loads are not vectorised.
+        ahead, depth, above, occupancy = gap[m], near[m], height[m], surface[m]
+        met = depth if depth <= surface_to_m else np.inf
+        depth_in_ground = above if ahead == np.inf else 0.0
+        met = 0.0 if depth_in_ground < -below_ground_m else met
+        occupancy = below_ground_ratio if depth_in_ground < -below_ground_m else occupancy
+        at_surface = occupancy if met < np.inf else 0.0
+        in_free = occupancy - at_surface if ahead < np.inf else 0.0
+        surface[m] = at_surface
+        free[m] = in_free
+        unobserved[m] = occupancy - at_surface - in_free
+        not_met = 1.0 if met == np.inf else 0.0
+        dark = not_met if ahead == np.inf else 0.0
+        is_unobserved[m] = dark
+        occluded_space[m] = dark if depth < np.inf else 0.0
+        least = min(ahead, above) if met == np.inf else np.inf
+        clearance[m] = least if ahead < np.inf else np.inf
+
+
+@kernel
+def add_up(
+    time_offset_s: Float64Array,
+    count: int,
+    batch: Batch,
+    parameters: Parameters,
+    at: int,
+    sums: LineSums,
+) -> None:
+    """Write the sums of a batch's lines, whose samples are classified, from line `at` on.
+
+    `time_offset_s` (S,): scan time minus query time, NaN without a query time.
+    """
+    samples, attenuation_per_m = batch.samples, parameters.attenuation_per_m
+    surface, free, unobserved = samples[SURFACE], samples[FREE], samples[UNOBSERVED]
+    is_unobserved, occluded_space = samples[IS_UNOBSERVED], samples[IN_OCCLUDED_SPACE]
+    clearance, rank, height = samples[CLEARANCE], samples[RANK], samples[HEIGHT]
+    for i in range(count):
+        begin, end, step = batch.offsets[i, 0], batch.offsets[i, 1], batch.lines[i, STEP_M]
+        at_surface, in_free, in_unobserved, least = 0.0, 0.0, 0.0, np.inf
+        samples_unobserved, samples_occluded = 0.0, 0.0
+        for m in range(begin, end):
+            at_surface += surface[m]
+            in_free += free[m]
+            in_unobserved += unobserved[m]
+            samples_unobserved += is_unobserved[m]
+            samples_occluded += occluded_space[m]
+            least = min(least, clearance[m])
+        most, most_height, most_at, most_scan = 0.0, np.inf, 0.0, -1
+        if at_surface > 0.0:
+            for m in range(begin, end):
+                # Samples below ground have equal occupancy: take the one nearest to its surface.
+                if surface[m] > most or (surface[m] == most > 0.0 and height[m] > most_height):
+                    most, most_height = surface[m], height[m]
+                    most_scan = batch.chosen[i, int(rank[m])]
+                    most_at = m - begin + batch.lines[i, FIRST]
+        sums.surface[at + i] = at_surface * attenuation_per_m * step
+        sums.free[at + i] = in_free * attenuation_per_m * step
+        sums.unobserved[at + i] = in_unobserved * attenuation_per_m * step
+        sums.unobserved_m[at + i] = samples_unobserved * step
+        sums.occluded_space_m[at + i] = samples_occluded * step
+        offset_s = time_offset_s[batch.chosen[i, 0]]
+        gap_s = parameters.default_time_gap_s if np.isnan(offset_s) else abs(offset_s)
+        sums.time_gap_s[at + i] = gap_s
+        sums.clearance_m[at + i] = max(least, 0.0)
+        sums.occluder_m[at + i] = most_at * step
+        sums.occluder_scan[at + i] = most_scan

@@ -1,0 +1,129 @@
+"""The range image of a scan: one surface range for each direction around the sensor.
+
+Columns are azimuth, rows are tan(elevation) t = z / rho with the horizontal range rho. Within a
+column, 1 / rho of a plane is linear in t: interpolation of 1 / rho between two beams is exact on
+walls and on the ground. A pixel holds
+
+    > 0    rho of a surface: its neighbours agree with it
+    < 0    minus rho of a volumetric return: its neighbours disagree (leaves, wires, edges, lone
+           returns, ground at grazing incidence where one beam ends much farther than the next)
+    0      unobserved: no beam, or a beam without a return. Never "free"
+
+Between two beams of a column the surface is interpolated where their ranges lie on one surface.
+Where they jump, each return extends over half of the gap. A return at the border of a larger gap
+extends over 0.6 beam spacings.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intervis.arrays import Float32Array, FloatArray, Int16Array
+from intervis.sight.ground_map import ground_map_of
+from intervis.sight.kernels.azimuth import FULL_CIRCLE
+from intervis.sight.kernels.rasterize import (
+    MAX_TAN_ELEVATION,
+    beam_spacings,
+    quantize,
+    rasterize,
+    sort_by_key,
+    to_spherical,
+)
+from intervis.sight.sensor import Sensor
+
+STEPS_PER_COLUMN = 2.0
+"""Azimuth steps in a column: each beam then has a return in each column."""
+ROWS_PER_BEAM = 3.0
+"""Rows per spacing of the densest beams."""
+_MAX_UNITS = 32767.0
+_BANDS = 40
+_SORT_BINS = 16384
+_MAX_ROWS = 512
+
+
+@dataclass(frozen=True, eq=False)
+class RangeImage:
+    """Surface range over azimuth and tan(elevation).
+
+    Attributes
+    ----------
+    pixels : (C, R) int16 array
+        Signed horizontal range in units, see the module's text. Column by column, because a sight
+        line mostly moves along a column.
+    unit_m : float
+        Metres per unit: the largest range divided by 32767, millimetres.
+    tan_elevation_from, tan_elevation_step : float
+        Row r lies at z / rho = tan_elevation_from + r tan_elevation_step.
+    ground_m : (G, G) float32 array
+        Ground map around the sensor, see `intervis.sight.ground_map`.
+    returns : int
+        Number of returns used.
+    """
+
+    pixels: Int16Array
+    unit_m: float
+    tan_elevation_from: float
+    tan_elevation_step: float
+    ground_m: Float32Array
+    returns: int
+
+
+def range_image_of(points_velo: FloatArray, sensor: Sensor) -> RangeImage:
+    """The range image of one scan.
+
+    Parameters
+    ----------
+    points_velo : (N, 3) float array
+        Finite points in the sensor's frame, metres. Returns outside the sensor's range limits, or
+        steeper than 63 degrees, are left out.
+    sensor : Sensor
+
+    Returns
+    -------
+    RangeImage
+        With `returns == 0` and an empty image if no point is left.
+
+    Examples
+    --------
+    >>> from intervis.sight.sensor import GENERIC
+    >>> azimuth = np.radians(np.arange(0, 360, 0.2))
+    >>> ring = np.c_[10 * np.cos(azimuth), 10 * np.sin(azimuth), np.zeros(len(azimuth))]
+    >>> image = range_image_of(ring, GENERIC)
+    >>> round(float(image.unit_m * np.abs(image.pixels).max()), 2)
+    10.0
+    """
+    xyz = np.ascontiguousarray(points_velo[:, :3], dtype=np.float64)
+    azimuth, rho, tan_elevation = np.empty(len(xyz)), np.empty(len(xyz)), np.empty(len(xyz))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_spherical(xyz, azimuth, rho, tan_elevation)
+    kept = np.flatnonzero(
+        (rho >= max(sensor.min_range_m, 1e-3))
+        & (rho <= sensor.max_range_m)
+        & (np.abs(tan_elevation) < MAX_TAN_ELEVATION)
+    )
+    columns = max(8, round(360.0 / (STEPS_PER_COLUMN * sensor.azimuth_step_deg)))
+    usual = np.tan(np.radians(sensor.beam_spacing_deg))
+    if len(kept) == 0:
+        empty = np.zeros((columns, 2), np.int16)
+        return RangeImage(empty, 1.0, 0.0, float(usual), ground_map_of(xyz[:0]), 0)
+
+    column, fine = np.zeros(len(xyz), np.int64), np.zeros(len(xyz), np.int64)
+    column[kept] = np.minimum(azimuth[kept] * (columns / FULL_CIRCLE), columns - 1)
+    fine[kept] = (tan_elevation[kept] + MAX_TAN_ELEVATION) * (
+        _SORT_BINS / (2.0 * MAX_TAN_ELEVATION)
+    )
+    order, _ = sort_by_key(fine, kept, _SORT_BINS)
+    order, start = sort_by_key(column, order, columns)
+    spacings = beam_spacings(tan_elevation, order, start, usual, _BANDS)
+
+    low, high = tan_elevation[order].min(), tan_elevation[order].max()
+    step = max(spacings.min() / ROWS_PER_BEAM, (high - low) / _MAX_ROWS)
+    lowest = low - 2.0 * spacings.max()
+    rows = int((high + 2.0 * spacings.max() - lowest) / step) + 2
+    image = np.zeros((columns, rows), np.float32)
+    rasterize(rho, tan_elevation, order, start, spacings, lowest, step, image)
+    unit_m = float(rho[order].max()) / _MAX_UNITS
+    pixels = np.empty((columns, rows), np.int16)
+    quantize(image, round(ROWS_PER_BEAM), 1.0 / unit_m, pixels)
+    ground_m = ground_map_of(xyz[kept])
+    return RangeImage(pixels, unit_m, float(lowest), float(step), ground_m, len(kept))

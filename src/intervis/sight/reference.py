@@ -1,0 +1,266 @@
+"""The reference implementation of `occupancy_model`: plain numpy in float64, one line at a time.
+
+It shares the range images and the model's tables with the engine. It shares no code that samples a
+line, reads a range image or selects scans.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.arrays import BoolArray, Float64Array
+from intervis.sight import occupancy_model as model
+from intervis.sight.kernels.batch import MAX_SAMPLES
+from intervis.sight.kernels.dynamics import MIN_BASELINE_M
+from intervis.sight.kernels.packed_scans import (
+    DISTANCE_STEP_M,
+    MAX_INTERPOLATED_JUMP,
+    PackedScans,
+)
+from intervis.sight.kernels.terrain import CELL_M, CELLS
+from intervis.sight.occupancy_model import MODEL
+
+
+class ReferenceResult(NamedTuple):
+    """One line: the three parts of its optical depth, and its unobserved length.
+
+    `occluded_space_m` is the part of `unobserved_m` behind observed surfaces, `judged_m` the length
+    that was sampled. `time_gap_s` is the time between the query and the nearest scan, `scans` the
+    number of scans of the scene.
+    """
+
+    free: float
+    surface: float
+    unobserved: float
+    unobserved_m: float
+    occluded_space_m: float
+    judged_m: float
+    time_gap_s: float
+    scans: int
+
+    @property
+    def optical_depth(self) -> float:
+        """The sum x of `occupancy_model`."""
+        return model.BASE_OPTICAL_DEPTH + self.free + self.surface + self.unobserved
+
+    @property
+    def probability(self) -> float:
+        """P(visible)."""
+        fractions = model.change_fractions(self.time_gap_s, single_scan=self.scans == 1)
+        return float(model.probability(self.optical_depth, *fractions))
+
+    @property
+    def state(self) -> int:
+        """1 visible, 0 occluded, -1 unknown."""
+        if self.surface > model.OCCLUDED_MIN_SURFACE:
+            return 0
+        allowed_m = min(
+            model.VISIBLE_MAX_UNOBSERVED_M,
+            model.VISIBLE_MAX_UNOBSERVED_FRACTION * self.judged_m,
+        )
+        if (
+            self.probability >= model.VISIBLE_MIN_PROBABILITY
+            and self.surface < model.VISIBLE_MAX_SURFACE
+            and self.unobserved < model.VISIBLE_MAX_UNOBSERVED
+            and self.unobserved_m <= allowed_m
+            and self.occluded_space_m <= model.VISIBLE_MAX_OCCLUDED_SPACE_M
+        ):
+            return 1
+        return -1
+
+
+def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> ReferenceResult:
+    """The result for the line between two finite points of the scene, (3,) each."""
+    a, b = sorted((np.asarray(a, np.float64), np.asarray(b, np.float64)), key=tuple)
+    samples, step = _samples(a, b)
+    log_odds = np.zeros(len(samples))
+    free, at_surface, behind = np.zeros((3, len(samples)), bool)
+    chosen = _chosen_scans(scans, a, b)
+    height = np.zeros(len(samples))
+    depths = []
+    weights = model.scan_weights(len(chosen))
+    volumetric_table, surface_table = np.split(MODEL.tables.depth_log_odds[:-1], 2)
+    for rank, k in enumerate(chosen):
+        points = _in_sensor_frame(scans, k, samples)
+        if rank == 0:
+            height = _height_above_ground(scans, k, points)
+        depth, is_surface, known = _depth_behind_surface(scans, k, points)
+        depths.append(depth)
+        contribution = np.where(
+            is_surface,
+            _read(surface_table, depth, model.DEPTH_FROM_M, model.ENTRIES_PER_M),
+            _read(volumetric_table, depth, model.DEPTH_FROM_M, model.ENTRIES_PER_M),
+        )
+        log_odds += np.where(known, weights[rank] * contribution, 0.0)
+        free |= known & (depth < model.SURFACE_FROM_M)
+        at_surface |= known & (depth >= model.SURFACE_FROM_M) & (depth <= model.SURFACE_TO_M)
+        behind |= known & (depth > model.SURFACE_TO_M)
+    log_odds += _read(
+        MODEL.tables.height_log_odds, height, model.HEIGHT_FROM_M, model.ENTRIES_PER_M
+    )
+    occupied, left = _dynamic(scans, a, b, chosen, samples, depths, height)
+    log_odds = np.where(occupied, np.maximum(log_odds, model.DYNAMIC_OCCUPIED_LOG_ODDS), log_odds)
+    log_odds = np.where(left, np.minimum(log_odds, model.DYNAMIC_FREE_LOG_ODDS), log_odds)
+    below_ground = (height < -model.BELOW_GROUND_M) & ~free
+    at_surface |= occupied | below_ground
+    occupancy = _read(
+        MODEL.tables.occupancies, log_odds, model.LOG_ODDS_FROM, model.ENTRIES_PER_LOG_ODDS
+    )
+    optical_depth = step * np.where(
+        below_ground, model.BELOW_GROUND_ATTENUATION_PER_M, model.ATTENUATION_PER_M * occupancy
+    )
+    in_free, unobserved = free & ~at_surface, ~free & ~at_surface
+    offset_s = float(scans.time_offset_s[chosen[0]])
+    return ReferenceResult(
+        float(optical_depth[in_free].sum()),
+        float(optical_depth[at_surface].sum()),
+        float(optical_depth[unobserved].sum()),
+        float(step * np.count_nonzero(unobserved)),
+        float(step * np.count_nonzero(unobserved & behind)),
+        max(float(np.linalg.norm(b - a)) - 2.0 * model.END_MARGIN_M, 0.0),
+        model.DEFAULT_TIME_GAP_S if np.isnan(offset_s) else abs(offset_s),
+        len(scans.position),
+    )
+
+
+def _samples(a: Float64Array, b: Float64Array) -> tuple[Float64Array, float]:
+    """Midpoints (K, 3) of equal steps outside the end margins, and the length of a step."""
+    length = float(np.linalg.norm(b - a))
+    count = int(np.clip(np.ceil(length / model.STEP_M), 1, MAX_SAMPLES))
+    position = (np.arange(count) + 0.5) / count
+    inside = np.minimum(position, 1.0 - position) * length > model.END_MARGIN_M
+    return a + position[inside, None] * (b - a), length / count
+
+
+def _chosen_scans(scans: PackedScans, a: Float64Array, b: Float64Array) -> list[int]:
+    """Indices of the contributing scans: by distance to the nearer end, newest first if equal."""
+    to_a = np.linalg.norm(scans.position - a, axis=1)
+    to_b = np.linalg.norm(scans.position - b, axis=1)
+    distance = np.floor((np.minimum(to_a, to_b) + scans.age_cost_m) / DISTANCE_STEP_M)
+    newest_first = sorted(range(len(distance)), key=lambda k: (distance[k], -k))
+    return newest_first[: model.SCANS]
+
+
+def _dynamic(
+    scans: PackedScans,
+    a: Float64Array,
+    b: Float64Array,
+    chosen: list[int],
+    samples: Float64Array,
+    depths: list[Float64Array],
+    height: Float64Array,
+) -> tuple[BoolArray, BoolArray]:
+    """Samples that a dynamic object occupied, and samples that it had left or not reached."""
+    nearest = scans.position[chosen[0], :2]
+    ends = sorted((a, b), key=lambda end: float(np.sum((end - scans.position[chosen[0]]) ** 2)))
+    end = ends[0][:2]
+    offset_s = scans.time_offset_s[chosen]
+    timed = not np.isnan(offset_s[0])
+    if timed:
+        beyond = [n for n in range(1, len(chosen)) if offset_s[0] * offset_s[n] < 0]
+    else:
+        position = scans.position[chosen, :2]
+        beyond = [n for n in range(1, len(chosen)) if (position[n] - end) @ (end - nearest) > 0]
+    nothing = np.zeros(len(samples), bool)
+    at_height = _within(height, model.DYNAMIC_MIN_HEIGHT_M, model.DYNAMIC_MAX_HEIGHT_M)
+    if not beyond:
+        decides = timed and len(chosen) > 1
+        return nothing, at_height & (depths[0] < model.FREE_DEPTH_M) & decides
+    bracketing = chosen[beyond[0]]
+    length = float(np.linalg.norm(scans.position[bracketing, :2] - nearest))
+    if length < MIN_BASELINE_M:
+        return nothing, nothing
+    direction = np.append((scans.position[bracketing, :2] - nearest) / length, 0.0)
+    fraction = float(np.clip((end - nearest) @ direction[:2] / length, 0.0, 1.0))
+    if timed:
+        fraction = offset_s[0] / (offset_s[0] - offset_s[beyond[0]])
+
+    both = np.array([depths[0], depths[beyond[0]]])
+    with np.errstate(invalid="ignore"):
+        disagree = (both.min(axis=0) < model.FREE_DEPTH_M) & _within(
+            both.max(axis=0), model.SURFACE_FROM_M, model.DYNAMIC_MAX_DEPTH_M
+        )
+    disagree &= at_height
+    if not disagree.any():
+        return nothing, nothing
+    occupied = nothing.copy()
+    reach = np.arange(0.5 * model.MOTION_STEP_M, model.MOTION_REACH_M, model.MOTION_STEP_M)
+    for moved_m in np.concatenate([-reach, reach]):
+        first = samples[disagree] - fraction * moved_m * direction
+        second = samples[disagree] + (1.0 - fraction) * moved_m * direction
+        depth = {
+            (k, name): _depth_behind_surface(scans, k, _in_sensor_frame(scans, k, points))[0]
+            for k in (chosen[0], bracketing)
+            for name, points in (("first", first), ("second", second))
+        }
+        occupied[disagree] |= (
+            _within(depth[chosen[0], "first"], model.SURFACE_FROM_M, model.SURFACE_TO_M)
+            & _within(depth[bracketing, "second"], model.SURFACE_FROM_M, model.SURFACE_TO_M)
+            & (
+                (depth[bracketing, "first"] < model.FREE_DEPTH_M)
+                | (depth[chosen[0], "second"] < model.FREE_DEPTH_M)
+            )
+        )
+    return occupied, disagree & ~occupied
+
+
+def _within(value: Float64Array, least: float, most: float) -> BoolArray:
+    return np.asarray((value >= least) & (value <= most))
+
+
+def _in_sensor_frame(scans: PackedScans, k: int, points: Float64Array) -> Float64Array:
+    sensor_from_scene = scans.sensor_from_scene[k]
+    return np.asarray(points @ sensor_from_scene[:, :3].T + sensor_from_scene[:, 3])
+
+
+def _height_above_ground(scans: PackedScans, k: int, points: Float64Array) -> Float64Array:
+    cell = np.floor(points[:, :2] / CELL_M).astype(int) + CELLS // 2
+    a, b = np.clip(cell, 0, CELLS - 1).T
+    return np.asarray(points[:, 2] - scans.ground[k][a, b])
+
+
+def _depth_behind_surface(
+    scans: PackedScans, k: int, points: Float64Array
+) -> tuple[Float64Array, BoolArray, BoolArray]:
+    """Depth of points behind scan k's surface (NaN: unobserved), is it a surface, is it known."""
+    rows, columns = int(scans.rows[k]), int(scans.columns[k])
+    start = int(scans.offset[k])
+    image = scans.pixels[start : start + rows * columns].reshape(columns, rows)
+    rho = np.hypot(points[:, 0], points[:, 1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = (points[:, 2] / rho - scans.tan_elevation_from[k]) * scans.rows_per_tan_elevation[k]
+    inside = (place >= 0.0) & (place < rows - 1.0)
+    place = np.where(inside, place, 0.0)
+    row = place.astype(int)
+    fraction = place - row
+    column = np.minimum((_pseudo_azimuth(points) * (columns / 8.0)).astype(int), columns - 1)
+
+    low, high = image[column, row], image[column, row + 1]
+    nearer = np.where(fraction >= 0.5, high, low)
+    a, b = np.abs(low).astype(np.float64), np.abs(high).astype(np.float64)
+    one_surface = (a > 0) & (b > 0) & (np.abs(a - b) < MAX_INTERPOLATED_JUMP * np.minimum(a, b))
+    units = np.where(one_surface, a + (b - a) * fraction, np.abs(nearer).astype(np.float64))
+    surface = units * scans.unit_m[k]
+    known = inside & (nearer != 0)
+    return np.where(known, rho - surface, np.nan), nearer > 0, known
+
+
+def _pseudo_azimuth(points: Float64Array) -> Float64Array:
+    """Azimuth from 0 to 8 as range images measure it, by cases."""
+    x, y = points[:, 0], points[:, 1]
+    across, along = np.minimum(np.abs(x), np.abs(y)), np.maximum(np.abs(x), np.abs(y))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        m = np.where(along > 0, across / along, 0.0)
+    eighth = m * (1.3147 - m * (0.2343 + 0.0804 * m))
+    quarter = np.where(np.abs(y) <= np.abs(x), eighth, 2.0 - eighth)
+    half = np.where(x < 0, 4.0 - quarter, quarter)
+    return np.asarray(np.where(y < 0, 8.0 - half, half))
+
+
+def _read(
+    table: Float64Array, value: Float64Array, start: float, per_unit: float
+) -> NDArray[np.float64]:
+    """A table's entries; below its start the first one, beyond its end the last."""
+    at = np.where(np.isnan(value), 0.0, (value - start) * per_unit)
+    return np.asarray(table[np.clip(at, 0, len(table) - 1).astype(int)])
