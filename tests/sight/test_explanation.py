@@ -32,7 +32,11 @@ def answer(state, probability, clearance_m, blocker=(np.nan,) * 3):
                 "0.5 m",
             ],
         ),
-        (answer(VISIBLE, 0.9999, np.inf), 0.0, ["more than 99 %", "no surface was observed beside it"]),
+        (
+            answer(VISIBLE, 0.9999, np.inf),
+            0.0,
+            ["more than 99 %", "no surface was observed beside it"],
+        ),
         (
             answer(OCCLUDED, 0.02, -0.3, (1.5, 2.0, 0.0)),
             0.0,

@@ -70,58 +70,104 @@ class ReferenceResult(NamedTuple):
         return -1
 
 
-def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> ReferenceResult:
-    """The result for the line between two finite points of the scene, (3,) each."""
+class LineSamples(NamedTuple):
+    """The K samples of one line, and what each of its C contributing scans says of them.
+
+    `step` is their spacing in metres. `depth`, `is_surface`, `known` are (C, K): depth behind the
+    scan's surface, whether that is a surface return, whether the scan observed the direction.
+    `weights` (C,) are the weights of the scans. `height` is the height above ground. The masks
+    `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface`,
+    `behind` (a surface) and `below_ground` classify the samples.
+    """
+
+    step: float
+    depth: Float64Array
+    is_surface: BoolArray
+    known: BoolArray
+    weights: Float64Array
+    height: Float64Array
+    occupied: BoolArray
+    left: BoolArray
+    free: BoolArray
+    at_surface: BoolArray
+    behind: BoolArray
+    below_ground: BoolArray
+
+
+def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> LineSamples:
+    """The samples of the line between two finite points of the scene, (3,) each."""
     a, b = sorted((np.asarray(a, np.float64), np.asarray(b, np.float64)), key=tuple)
     samples, step = _samples(a, b)
-    log_odds = np.zeros(len(samples))
-    free, at_surface, behind = np.zeros((3, len(samples)), bool)
     chosen = _chosen_scans(scans, a, b)
-    height = np.zeros(len(samples))
-    depths = []
-    weights = model.scan_weights(len(chosen))
-    volumetric_table, surface_table = np.split(MODEL.tables.depth_log_odds[:-1], 2)
-    for rank, k in enumerate(chosen):
-        points = _in_sensor_frame(scans, k, samples)
-        if rank == 0:
-            height = _height_above_ground(scans, k, points)
-        depth, is_surface, known = _depth_behind_surface(scans, k, points)
-        depths.append(depth)
-        contribution = np.where(
-            is_surface,
-            _read(surface_table, depth, model.DEPTH_FROM_M, model.ENTRIES_PER_M),
-            _read(volumetric_table, depth, model.DEPTH_FROM_M, model.ENTRIES_PER_M),
-        )
-        log_odds += np.where(known, weights[rank] * contribution, 0.0)
-        free |= known & (depth < model.SURFACE_FROM_M)
-        at_surface |= known & (depth >= model.SURFACE_FROM_M) & (depth <= model.SURFACE_TO_M)
-        behind |= known & (depth > model.SURFACE_TO_M)
-    log_odds += _read(
-        MODEL.tables.height_log_odds, height, model.HEIGHT_FROM_M, model.ENTRIES_PER_M
-    )
-    occupied, left = _dynamic(scans, a, b, chosen, samples, depths, height)
-    log_odds = np.where(occupied, np.maximum(log_odds, model.DYNAMIC_OCCUPIED_LOG_ODDS), log_odds)
-    log_odds = np.where(left, np.minimum(log_odds, model.DYNAMIC_FREE_LOG_ODDS), log_odds)
+    points = [_in_sensor_frame(scans, k, samples) for k in chosen]
+    height = _height_above_ground(scans, chosen[0], points[0])
+    each = [_depth_behind_surface(scans, k, p) for k, p in zip(chosen, points, strict=True)]
+    depth, is_surface, known = (np.array(values) for values in zip(*each, strict=True))
+    occupied, left = _dynamic(scans, a, b, chosen, samples, list(depth), height)
+    with np.errstate(invalid="ignore"):
+        free = _any_scan(known & (depth < model.SURFACE_FROM_M))
+        behind = _any_scan(known & (depth > model.SURFACE_TO_M))
+    on_surface = _any_scan(known & _within(depth, model.SURFACE_FROM_M, model.SURFACE_TO_M))
     below_ground = (height < -model.BELOW_GROUND_M) & ~free
-    at_surface |= occupied | below_ground
+    return LineSamples(
+        step=step,
+        depth=depth,
+        is_surface=is_surface,
+        known=known,
+        weights=model.scan_weights(len(chosen)),
+        height=height,
+        occupied=occupied,
+        left=left,
+        free=free,
+        at_surface=on_surface | occupied | below_ground,
+        behind=behind,
+        below_ground=below_ground,
+    )
+
+
+def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> ReferenceResult:
+    """The result for the line between two finite points of the scene, (3,) each."""
+    line = reference_samples(scans, a, b)
+    volumetric_table, surface_table = np.split(MODEL.tables.depth_log_odds[:-1], 2)
+    log_odds = np.zeros(len(line.height))
+    for k, weight in enumerate(line.weights):
+        contribution = np.where(
+            line.is_surface[k],
+            _read(surface_table, line.depth[k], model.DEPTH_FROM_M, model.ENTRIES_PER_M),
+            _read(volumetric_table, line.depth[k], model.DEPTH_FROM_M, model.ENTRIES_PER_M),
+        )
+        log_odds += np.where(line.known[k], weight * contribution, 0.0)
+    log_odds += _read(
+        MODEL.tables.height_log_odds, line.height, model.HEIGHT_FROM_M, model.ENTRIES_PER_M
+    )
+    at_least = np.maximum(log_odds, model.DYNAMIC_OCCUPIED_LOG_ODDS)
+    log_odds = np.where(line.occupied, at_least, log_odds)
+    at_most = np.minimum(log_odds, model.DYNAMIC_FREE_LOG_ODDS)
+    log_odds = np.where(line.left, at_most, log_odds)
     occupancy = _read(
         MODEL.tables.occupancies, log_odds, model.LOG_ODDS_FROM, model.ENTRIES_PER_LOG_ODDS
     )
-    optical_depth = step * np.where(
-        below_ground, model.BELOW_GROUND_ATTENUATION_PER_M, model.ATTENUATION_PER_M * occupancy
+    optical_depth = line.step * np.where(
+        line.below_ground, model.BELOW_GROUND_ATTENUATION_PER_M, model.ATTENUATION_PER_M * occupancy
     )
-    in_free, unobserved = free & ~at_surface, ~free & ~at_surface
-    offset_s = float(scans.time_offset_s[chosen[0]])
+    in_free, unobserved = line.free & ~line.at_surface, ~line.free & ~line.at_surface
+    length_m = float(np.linalg.norm(np.asarray(b, np.float64) - np.asarray(a, np.float64)))
     return ReferenceResult(
         float(optical_depth[in_free].sum()),
-        float(optical_depth[at_surface].sum()),
+        float(optical_depth[line.at_surface].sum()),
         float(optical_depth[unobserved].sum()),
-        float(step * np.count_nonzero(unobserved)),
-        float(step * np.count_nonzero(unobserved & behind)),
-        max(float(np.linalg.norm(b - a)) - 2.0 * model.END_MARGIN_M, 0.0),
-        model.DEFAULT_TIME_GAP_S if np.isnan(offset_s) else abs(offset_s),
+        float(line.step * np.count_nonzero(unobserved)),
+        float(line.step * np.count_nonzero(unobserved & line.behind)),
+        max(length_m - 2.0 * model.END_MARGIN_M, 0.0),
+        time_gap_s(scans, a, b),
         len(scans.position),
     )
+
+
+def time_gap_s(scans: PackedScans, a: Float64Array, b: Float64Array) -> float:
+    """Time between the query and the scan nearest to the line, seconds."""
+    offset_s = float(scans.time_offset_s[_chosen_scans(scans, a, b)[0]])
+    return model.DEFAULT_TIME_GAP_S if np.isnan(offset_s) else abs(offset_s)
 
 
 def _samples(a: Float64Array, b: Float64Array) -> tuple[Float64Array, float]:
@@ -203,6 +249,10 @@ def _dynamic(
             )
         )
     return occupied, disagree & ~occupied
+
+
+def _any_scan(mask: BoolArray) -> BoolArray:
+    return np.asarray(mask.any(axis=0))
 
 
 def _within(value: Float64Array, least: float, most: float) -> BoolArray:
