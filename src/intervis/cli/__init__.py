@@ -25,6 +25,7 @@ COMMANDS = {
     "readings": "intervis.lab.cli.reproduce",
     "simulate": "intervis.lab.cli.world",
     "demo": "intervis.lab.cli.world",
+    "calibrate": "intervis.lab.cli.calibrate",
 }
 """Where each command's function of the same name lives.
 

@@ -65,19 +65,19 @@ that some scan saw free) and `unobserved` (samples that no scan observed).
 
 All rules treat the two ends alike: the answer for (a, b) is the answer for (b, a).
 
-**Where the numbers come from.** `intervis calibrate` fits the curves, the attenuation, the
-sharpness and the change fractions by maximum likelihood; see `intervis.lab.calibrate`. The values
-below were fitted before that command existed, by the same likelihood: the curves on held-out
-returns of pairs (0,3) (3,12) (14,1) (21,12) (8,15) (18,9) (12,6) (16,20) of a public KITTI drive of
-22 scans, half of them in protocol `single`, half in `map`; `SHARPNESS` and the change fractions on
-those pairs, ten pairs of another drive and twelve of two built-in streets, in all protocols.
-`WEIGHT_DECAY`, `SCANS` and `CORRELATION` were chosen on those pairs and checked on six more of the
-same drive. The thresholds of the three answers were chosen in built-in worlds. The rule for dynamic
-objects was studied on the eight pairs, on another drive in traffic and in two built-in streets: of
-the dynamic samples that it calls occupied the reference scan saw 59 to 86 % occupied, of those that
-it calls free 5 to 13 %. Motion steps of 0.3 to 1 m, a reach of 5 to 12 m and `DYNAMIC_MAX_DEPTH_M`
+**Where the numbers come from.** `occupancy_model.toml` holds every fitted number and what it was
+fitted to; `intervis calibrate` fits them again (`intervis.lab.calibrate`). The constants below were
+chosen by hand; a comment says what each stands for. The rule for dynamic objects was studied on
+eight pairs of a KITTI drive, on a second drive in traffic and in two built-in streets: of the
+dynamic samples that it calls occupied the reference scan saw 59 to 86 % occupied, of those that it
+calls free 5 to 13 %. Motion steps of 0.3 to 1 m, a reach of 5 to 12 m and `DYNAMIC_MAX_DEPTH_M`
 from 2 to 10 m changed the scores by at most 0.008.
 """
+
+import tomllib
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -85,50 +85,59 @@ from numpy.typing import ArrayLike
 from intervis.arrays import Float64Array
 from intervis.sight.kernels.parameters import OccupancyModel, Parameters, Tables
 
+FITTED_FILE = "occupancy_model.toml"
+FITTED: Mapping[str, Any] = tomllib.loads(
+    files("intervis.sight").joinpath(FITTED_FILE).read_text(encoding="utf-8")
+)["numbers"]
+"""The fitted numbers by name, in lower case."""
+
+# A step of 0.2 m takes 1.4 times the time and raises MCC on held-out returns by 0.003 to 0.005.
 STEP_M = 0.3
+# Ends lie on surfaces, give or take range noise and pose errors.
 END_MARGIN_M = 0.4
+# Contributing scans at most; chosen with `weight_decay` and `correlation`.
 SCANS = 6
-"""Number of scans that contribute to a line at most."""
-WEIGHT_DECAY = 0.6
+WEIGHT_DECAY: float = FITTED["weight_decay"]
 """Ratio of the weights of a scan and the next nearer one."""
-AGE_COST_M_PER_S = 20.0
-"""Distance that a second between scan and query time is worth."""
-CORRELATION = 0.3
+CORRELATION: float = FITTED["correlation"]
 """Correlation of the errors of several scans, from 0 (independent) to 1 (identical)."""
-ATTENUATION_PER_M = 1.31
+# Metres of distance that one second between scan and query is worth.
+AGE_COST_M_PER_S = 20.0
+ATTENUATION_PER_M: float = FITTED["attenuation_per_m"]
+BASE_OPTICAL_DEPTH: float = FITTED["base_optical_depth"]
+# The ground map is uncertain by less than this.
 BELOW_GROUND_M, BELOW_GROUND_ATTENUATION_PER_M = 0.5, 4.0
-BASE_OPTICAL_DEPTH = 2e-3
-SHARPNESS = 1.65
-CHANGE_TIME_S = 5.0
+SHARPNESS: float = FITTED["sharpness"]
+CHANGE_TIME_S: float = FITTED["change_time_s"]
 """Time constant with which dynamic objects leave."""
-DISAPPEARED_SINGLE_SCAN, APPEARED_SINGLE_SCAN = 0.77, 0.41
+DISAPPEARED_SINGLE_SCAN: float = FITTED["disappeared_single_scan"]
+APPEARED_SINGLE_SCAN: float = FITTED["appeared_single_scan"]
 """Change fractions after a long time if one scan contributes and nothing tells what moves."""
-DISAPPEARED, APPEARED = 0.27, 0.19
+DISAPPEARED: float = FITTED["disappeared"]
+APPEARED: float = FITTED["appeared"]
 """Change fractions after a long time if several scans contribute."""
+# Below 0.5, so that P(visible) still rises with Q.
 MAX_CHANGED = 0.45
-"""Upper limit of both: an occluded line is never more likely visible than a visible one."""
+# Time between scan and query that is assumed without a query time.
 DEFAULT_TIME_GAP_S = 1.0
-"""Time between scans and query that is assumed if no query time is given."""
-VISIBLE_MIN_PROBABILITY, VISIBLE_MAX_SURFACE, VISIBLE_MAX_UNOBSERVED = 0.85, 0.3, 0.25
+VISIBLE_MIN_PROBABILITY: float = FITTED["visible_min_probability"]
+OCCLUDED_MIN_SURFACE: float = FITTED["occluded_min_surface"]
+# What "visible" demands beside its probability: unobserved space is rarely occupied, so the
+# probability alone would call lines visible that no beam crossed. Chosen in built-in worlds.
+VISIBLE_MAX_SURFACE, VISIBLE_MAX_UNOBSERVED = 0.3, 0.25
 VISIBLE_MAX_UNOBSERVED_M, VISIBLE_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
 VISIBLE_MAX_OCCLUDED_SPACE_M = 1.0
-OCCLUDED_MIN_SURFACE = 0.95
+# Depths that count as the surface itself.
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
-FREE_DEPTH_M, DYNAMIC_MAX_DEPTH_M = -0.7, 3.0
+# Shallower depths than this: the beam passed through.
+FREE_DEPTH_M = -0.7
+# Greater depths behind a surface say nothing about the object in front of it.
+DYNAMIC_MAX_DEPTH_M = 3.0
+# Heights above ground of traffic and people.
 DYNAMIC_MIN_HEIGHT_M, DYNAMIC_MAX_HEIGHT_M = 0.2, 3.0
-"""Heights above ground of traffic and people."""
+# Search for the two positions of a moving object, along the sensor's path.
 MOTION_STEP_M, MOTION_REACH_M = 1.0, 6.0
 DYNAMIC_OCCUPIED_LOG_ODDS, DYNAMIC_FREE_LOG_ODDS = 1.5, -3.0
-
-DEPTH_M = np.array([-4, -1.5, -0.7, -0.3, -0.1, 0.1, 0.3, 0.6, 1, 1.6, 2.5, 4, 7, 12, 20])
-SURFACE_LOG_ODDS = np.array(
-    [-2.08, -0.51, -1, 0.24, 3.59, 6.84, 8, 6.82, 4.05, 1.89, 1.12, 1.48, 1.65, 0.88, -0.24]
-)
-VOLUMETRIC_LOG_ODDS = np.array(
-    [-2.91, -1.48, -0.46, 0.48, 1.47, 2.33, 2.76, 2.66, 2.08, 1.19, 0.65, 0.52, 0.37, -0.14, -0.98]
-)
-HEIGHT_M = np.array([-0.3, 0.1, 0.4, 0.8, 1.2, 1.6, 2, 2.6, 3.5, 6])
-HEIGHT_LOG_ODDS = np.array([-5, -4.51, -3.99, -3.85, -3.55, -4.42, -5.48, -5.86, -6.62, -7.36])
 
 # Sampling of the curves for the kernels: 5 cm, 1/32 in log-odds.
 ENTRIES_PER_M = 20.0
@@ -136,30 +145,21 @@ ENTRIES_PER_LOG_ODDS, LOG_ODDS_FROM, LOG_ODDS_ENTRIES = 32.0, -12.0, 768
 DEPTH_FROM_M, HEIGHT_FROM_M = -4.0, -0.5
 
 
-def scan_weights(count: int) -> Float64Array:
+def scan_weights(
+    count: int, decay: float = WEIGHT_DECAY, correlation: float = CORRELATION
+) -> Float64Array:
     """Weights (count,) of the contributing scans, nearest first.
 
     The weights of `count` scans with independent errors would sum to s = 1 + 0.6 + 0.36 + ...;
-    because their errors are correlated they sum to s ** (1 - CORRELATION).
+    because their errors are correlated they sum to s ** (1 - correlation).
 
     Examples
     --------
     >>> scan_weights(1), scan_weights(2).round(2)
     (array([1.]), array([0.87, 0.52]))
     """
-    decaying = WEIGHT_DECAY ** np.arange(count)
-    return np.asarray(decaying / decaying.sum() ** CORRELATION)
-
-
-def depth_log_odds(depth_m: Float64Array, surface: bool = True) -> Float64Array:
-    """Log-odds that a sample at that depth behind an observed surface is occupied."""
-    curve = SURFACE_LOG_ODDS if surface else VOLUMETRIC_LOG_ODDS
-    return np.asarray(np.interp(depth_m, DEPTH_M, curve))
-
-
-def height_log_odds(height_m: Float64Array) -> Float64Array:
-    """Prior log-odds that a sample at that height above ground is occupied."""
-    return np.asarray(np.interp(height_m, HEIGHT_M, HEIGHT_LOG_ODDS))
+    decaying = decay ** np.arange(count)
+    return np.asarray(decaying / decaying.sum() ** correlation)
 
 
 def change_fractions(time_gap_s: ArrayLike, single_scan: bool) -> tuple[Float64Array, Float64Array]:
@@ -202,23 +202,32 @@ def _entry_centres(start: float, last: float) -> Float64Array:
     return np.asarray(start + (np.arange(count) + 0.5) / ENTRIES_PER_M)
 
 
-def fitted_model() -> OccupancyModel:
-    """The numbers of this module for engine and reference implementation."""
-    parameters = Parameters(**{name: float(globals()[name.upper()]) for name in Parameters._fields})
-    depth_m = _entry_centres(DEPTH_FROM_M, DEPTH_M[-1])
+def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
+    """The occupancy model with these fitted numbers, for engine and reference implementation."""
+    numbers = {name: globals()[name.upper()] for name in Parameters._fields} | {
+        name: value for name, value in fitted.items() if name in Parameters._fields
+    }
+    parameters = Parameters(**{name: float(value) for name, value in numbers.items()})
+    depth_m = _entry_centres(DEPTH_FROM_M, fitted["depth_m"][-1])
+    height_m = _entry_centres(HEIGHT_FROM_M, fitted["height_m"][-1])
     log_odds = LOG_ODDS_FROM + (np.arange(LOG_ODDS_ENTRIES) + 0.5) / ENTRIES_PER_LOG_ODDS
     weights = np.zeros((SCANS, SCANS))
     for count in range(1, SCANS + 1):
-        weights[count - 1, :count] = scan_weights(count)
+        of_count = scan_weights(count, fitted["weight_decay"], fitted["correlation"])
+        weights[count - 1, :count] = of_count
     tables = Tables(
         depth_log_odds=np.concatenate(
-            [depth_log_odds(depth_m, surface=False), depth_log_odds(depth_m), [0.0]]
+            [
+                np.interp(depth_m, fitted["depth_m"], fitted["volumetric_log_odds"]),
+                np.interp(depth_m, fitted["depth_m"], fitted["surface_log_odds"]),
+                [0.0],
+            ]
         ),
-        height_log_odds=height_log_odds(_entry_centres(HEIGHT_FROM_M, HEIGHT_M[-1])),
+        height_log_odds=np.interp(height_m, fitted["height_m"], fitted["height_log_odds"]),
         occupancies=1.0 / (1.0 + np.exp(-log_odds)),
         scan_weights=weights,
     )
     return OccupancyModel(parameters, tables)
 
 
-MODEL = fitted_model()
+MODEL = model_of(FITTED)

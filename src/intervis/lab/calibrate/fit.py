@@ -1,0 +1,176 @@
+"""The calibration of the occupancy model, stage by stage."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from intervis.drives import Drive
+from intervis.errors import SettingsError
+from intervis.lab.calibrate import curves, probability
+from intervis.lab.calibrate.line_set import QueryLines, SampleTable, query_lines, sample_table
+from intervis.lab.calibrate.outcome import Outcome, versions
+from intervis.lab.calibrate.plan import STREET, Input, Plan, Stage, opened
+from intervis.lab.truth import exact
+from intervis.lab.truth.evaluate import _held_out_questions, _poses, _world_questions
+from intervis.lab.truth.query_set import Question
+from intervis.lab.worlds import load_world
+from intervis.progress import Progress, silent
+from intervis.sight import occupancy_model as model
+from intervis.sight.answers import sum_lines
+from intervis.sight.kernels.parameters import OccupancyModel
+
+PROBABILITY_LINES = 20
+"""So many times more lines are drawn for `probability` and `thresholds`: the engine sums them."""
+
+
+def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None) -> Outcome:
+    """Fit all numbers of `intervis/sight/occupancy_model.toml`.
+
+    Parameters
+    ----------
+    plan : Plan
+    data : Path
+        Folder of the drives that the plan names.
+    progress : callable, optional
+        See `intervis.progress`.
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    SettingsError
+        No input of the plan is used for one of the stages.
+    DriveError
+        A drive cannot be opened, or lacks frames, poses or a reference for a pair.
+    """
+    report = progress or silent
+    _check_stages(plan)
+    result = Outcome()
+    result.provenance.update(command="intervis calibrate", versions=versions())
+    table = _table(plan, data, "curves", report)
+    knots = {"depth_m": model.FITTED["depth_m"], "height_m": model.FITTED["height_m"]}
+    depth_m, height_m = (np.array(values, dtype=np.float64) for values in knots.values())
+
+    fitted = curves.fit_curves(table, depth_m, height_m)
+    report("curves")
+    weights_table = _table(plan, data, "weights", report)
+    decay, correlation, _ = curves.choose_weights(weights_table, fitted, depth_m, height_m)
+    fitted = curves.fit_curves(table, depth_m, height_m, decay, correlation)
+    report("weights")
+    result.numbers.update(
+        weight_decay=decay,
+        correlation=correlation,
+        attenuation_per_m=fitted.attenuation_per_m,
+        base_optical_depth=fitted.base_optical_depth,
+        **knots,
+        surface_log_odds=fitted.surface_log_odds.tolist(),
+        volumetric_log_odds=fitted.volumetric_log_odds.tolist(),
+        height_log_odds=fitted.height_log_odds.tolist(),
+    )
+    engine = model.model_of({**model.FITTED, **result.numbers})
+
+    lines = _judged(plan, data, "probability", engine, report)
+    numbers, loss = probability.fit_probability(lines)
+    result.numbers.update(numbers)
+    report("probability")
+    worlds = _judged(plan, data, "thresholds", engine, report)
+    theta = np.array([numbers[name] for name in probability.NAMES])
+    p = probability.line_probability(worlds, theta)
+    result.numbers.update(probability.choose_thresholds(worlds, p))
+    report("thresholds")
+    result.provenance.update(
+        curves=_used(plan, "curves"),
+        weights=_used(plan, "weights"),
+        probability=_used(plan, "probability"),
+        thresholds=_used(plan, "thresholds"),
+        lines_per_pair=plan.lines_per_pair,
+        seed=plan.seed,
+        loss_curves=fitted.loss,
+        loss_curves_shipped=curves.loss_of(table, model.FITTED),
+        loss_probability=loss,
+    )
+    return result
+
+
+def steps_of(plan: Plan) -> int:
+    """How often `calibrate_model` reports progress."""
+    used = [given for given in plan.inputs for _ in given.stages]
+    return 4 + sum(len(given.protocols) for given in used)
+
+
+def _check_stages(plan: Plan) -> None:
+    for stage in ("curves", "weights", "probability", "thresholds"):
+        if not any(stage in given.stages for given in plan.inputs):
+            raise SettingsError(f"no input of the plan is used for the stage {stage!r}: name one.")
+    for given in plan.inputs:
+        if "thresholds" in given.stages and not given.drive.startswith(STREET):
+            raise SettingsError(
+                f"the stage 'thresholds' needs an exact world (street:SEED), got {given.drive!r}."
+            )
+
+
+def _used(plan: Plan, stage: Stage) -> str:
+    return "; ".join(
+        f"{given.drive} {given.pairs} {' '.join(given.protocols)}"
+        for given in plan.inputs
+        if stage in given.stages
+    )
+
+
+def _table(plan: Plan, data: Path, stage: Stage, report: Progress) -> SampleTable:
+    depth_m, height_m = (
+        np.array(model.FITTED[name], dtype=np.float64) for name in ("depth_m", "height_m")
+    )
+    return sample_table(_queries(plan, data, stage, plan.lines_per_pair, report), depth_m, height_m)
+
+
+def _judged(
+    plan: Plan, data: Path, stage: Stage, engine: OccupancyModel, report: Progress
+) -> probability.JudgedLines:
+    count = PROBABILITY_LINES * plan.lines_per_pair
+    return probability.joined(
+        [
+            probability.judged_lines(
+                sum_lines(queries.scans, queries.starts, queries.ends, engine),
+                np.linalg.norm(queries.ends - queries.starts, axis=1),
+                queries.visible,
+                base=engine.parameters.base_optical_depth,
+                single_scan=len(queries.scans.position) == 1,
+            )
+            for queries in _queries(plan, data, stage, count, report)
+        ]
+    )
+
+
+def _queries(
+    plan: Plan, data: Path, stage: Stage, count: int, report: Progress
+) -> Iterator[QueryLines]:
+    rng = np.random.default_rng(plan.seed)
+    for given in plan.inputs:
+        if stage not in given.stages:
+            continue
+        with opened(given.drive, data) as drive:
+            for protocol in given.protocols:
+                for question in _questions(drive, given, stage, protocol):
+                    yield query_lines(question, count, rng)
+                report(f"{stage}: {given.drive}, {protocol}")
+
+
+def _questions(drive: Drive, given: Input, stage: Stage, protocol: Any) -> Iterator[Question]:
+    if stage != "thresholds":
+        yield from _held_out_questions(drive, given.frame_pairs, protocol)
+        return
+    world = load_world(drive.root)
+    frames = sorted({i for i, _ in given.frame_pairs})
+    yield from _world_questions(
+        drive,
+        _poses(drive),
+        lambda number: world.triangles_at_frame(number)[0],
+        frames,
+        protocol,
+        exact.Sampling(),
+    )

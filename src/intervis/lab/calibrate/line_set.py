@@ -1,0 +1,165 @@
+"""Sight lines with known answers, and their samples as one flat table."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from intervis.arrays import BoolArray, Float64Array, IntArray
+from intervis.lab.truth.query_set import Question
+from intervis.sight import Scene
+from intervis.sight.kernels.packed_scans import PackedScans
+from intervis.sight.reference import LineSamples, reference_samples, time_gap_s
+
+
+@dataclass(frozen=True, eq=False)
+class QueryLines:
+    """L lines of one query set: what may be used, ends, and the answers.
+
+    Attributes
+    ----------
+    label : str
+    scans : PackedScans
+        The scans that the engine may use.
+    starts, ends : (L, 3) float64 arrays
+        Scene frame, metres.
+    visible : (L,) bool array
+    """
+
+    label: str
+    scans: PackedScans
+    starts: Float64Array
+    ends: Float64Array
+    visible: BoolArray
+
+
+def query_lines(question: Question, count: int, rng: np.random.Generator) -> QueryLines:
+    """At most `count` random lines of a query set, with the scene that answers them."""
+    scene, seen = Scene(), question.seen
+    timestamps_s = seen.timestamps_s or (None,) * len(seen.scans)
+    for scan, pose, timestamp_s in zip(seen.scans, seen.poses, timestamps_s, strict=True):
+        scene.add(scan, pose, timestamp_s)
+    counted = question.counted
+    usable = np.arange(len(question.targets)) if counted is None else np.flatnonzero(counted)
+    rows = np.sort(rng.permutation(usable)[:count])
+    return QueryLines(
+        question.label,
+        scene._packed(None if seen.timestamps_s is None else 0.0),
+        np.broadcast_to(question.viewpoint, (len(rows), 3)).copy(),
+        question.targets[rows],
+        question.visible[rows],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SampleTable:
+    """The samples of L lines, K in all.
+
+    Attributes
+    ----------
+    line : (K,) int64 array
+        Which line a sample belongs to.
+    step_m : (K,) float64 array
+    by_rank : list of (K, 2 D) sparse arrays
+        For each rank of a contributing scan: interpolation weights of the knots of the volumetric
+        and the surface curve; a row is empty if that scan did not observe the direction.
+    height : (K, H) sparse array
+        Interpolation weights of the knots of the height curve.
+    scans : (K,) int64 array
+        Number of scans that contribute to the line.
+    occupied, left, below_ground : (K,) bool arrays
+        See `intervis.sight.reference.LineSamples`.
+    visible : (L,) bool array
+    weight : (L,) float64 array
+        Weights of the lines; those of a query set sum to 1.
+    time_gap_s : (L,) float64 array
+    """
+
+    line: IntArray
+    step_m: Float64Array
+    by_rank: list[sparse.csr_array]
+    height: sparse.csr_array
+    scans: IntArray
+    occupied: BoolArray
+    left: BoolArray
+    below_ground: BoolArray
+    visible: BoolArray
+    weight: Float64Array
+    time_gap_s: Float64Array
+
+
+def hat_weights(value: Float64Array, knots: Float64Array) -> sparse.csr_array:
+    """Weights (K, D) of linear interpolation: ``weights @ curve`` is ``np.interp``.
+
+    Rows with NaN are empty.
+
+    Examples
+    --------
+    >>> hat_weights(np.array([0.5, 9.0, np.nan]), np.array([0.0, 2.0, 4.0])).toarray()
+    array([[0.75, 0.25, 0.  ],
+           [0.  , 0.  , 1.  ],
+           [0.  , 0.  , 0.  ]])
+    """
+    known = np.flatnonzero(~np.isnan(value))
+    clipped = np.clip(value[known], knots[0], knots[-1])
+    low = np.clip(np.searchsorted(knots, clipped, side="right") - 1, 0, len(knots) - 2)
+    fraction = (clipped - knots[low]) / (knots[low + 1] - knots[low])
+    rows = np.concatenate([known, known])
+    columns = np.concatenate([low, low + 1])
+    weights = np.concatenate([1.0 - fraction, fraction])
+    table = sparse.coo_array((weights, (rows, columns)), shape=(len(value), len(knots)))
+    csr = sparse.csr_array(table)
+    csr.eliminate_zeros()
+    return csr
+
+
+def sample_table(
+    query_sets: Iterable[QueryLines], depth_m: Float64Array, height_m: Float64Array
+) -> SampleTable:
+    """Sample the lines of all query sets by the reference implementation.
+
+    Parameters
+    ----------
+    query_sets : iterable of QueryLines
+    depth_m, height_m : (D,) and (H,) float64 arrays
+        Knots of the curves.
+    """
+    lines: list[LineSamples] = []
+    visible, weight, gap_s = [], [], []
+    for queries in query_sets:
+        for a, b in zip(queries.starts, queries.ends, strict=True):
+            lines.append(reference_samples(queries.scans, a, b))
+            gap_s.append(time_gap_s(queries.scans, a, b))
+        visible.append(queries.visible)
+        weight.append(np.full(len(queries.starts), 1.0 / len(queries.starts)))
+    counts = np.array([len(line.height) for line in lines])
+    ranks = max(len(line.weights) for line in lines)
+    height = np.concatenate([line.height for line in lines])
+    return SampleTable(
+        line=np.repeat(np.arange(len(lines)), counts),
+        step_m=np.repeat([line.step for line in lines], counts),
+        by_rank=[_depth_weights(lines, rank, depth_m) for rank in range(ranks)],
+        height=hat_weights(height, height_m),
+        scans=np.repeat([len(line.weights) for line in lines], counts),
+        occupied=np.concatenate([line.occupied for line in lines]),
+        left=np.concatenate([line.left for line in lines]),
+        below_ground=np.concatenate([line.below_ground for line in lines]),
+        visible=np.concatenate(visible),
+        weight=np.concatenate(weight),
+        time_gap_s=np.array(gap_s),
+    )
+
+
+def _depth_weights(lines: list[LineSamples], rank: int, depth_m: Float64Array) -> sparse.csr_array:
+    """Interpolation weights for the scan of one rank: volumetric knots, then surface knots."""
+    depth, surface = [], []
+    for line in lines:
+        unobserved = np.full(len(line.height), np.nan)
+        has = rank < len(line.weights)
+        depth.append(np.where(line.known[rank], line.depth[rank], np.nan) if has else unobserved)
+        surface.append(line.is_surface[rank] if has else np.zeros(len(line.height), bool))
+    value, is_surface = np.concatenate(depth), np.concatenate(surface)
+    volumetric = hat_weights(np.where(is_surface, np.nan, value), depth_m)
+    of_surface = hat_weights(np.where(is_surface, value, np.nan), depth_m)
+    return sparse.csr_array(sparse.hstack([volumetric, of_surface]))

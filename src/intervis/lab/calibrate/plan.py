@@ -1,0 +1,105 @@
+"""The plan of a calibration: which inputs are used for which stage."""
+
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from intervis.drives import Drive, open_drive
+from intervis.errors import SettingsError
+from intervis.lab.truth.pairs import Pairs, parsed_pairs
+from intervis.lab.truth.protocols import Protocol
+from intervis.lab.worlds import simulate
+
+DEFAULT_PLAN = Path(__file__).with_name("plan.toml")
+STREET, STREET_FRAMES = "street:", 24
+
+Stage = Literal["curves", "weights", "probability", "thresholds"]
+
+
+class Input(BaseModel):
+    """One drive and what it is used for."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    drive: str
+    pairs: str
+    protocols: tuple[Protocol, ...]
+    stages: tuple[Stage, ...]
+
+    @property
+    def frame_pairs(self) -> Pairs:
+        """The pairs (i, j) of frame numbers."""
+        return parsed_pairs(self.pairs)
+
+
+class GranularityInput(BaseModel):
+    """Frames on which the cost of coarser sampling is measured."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    drives: tuple[str, ...]
+    frames_per_drive: int = Field(default=4, ge=1)
+
+
+class Plan(BaseModel):
+    """All inputs of a calibration.
+
+    Attributes
+    ----------
+    lines_per_pair : int
+        Sight lines drawn from each pair and protocol.
+    seed : int
+        Of the draw.
+    inputs : tuple of Input
+    granularity : GranularityInput or None
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    lines_per_pair: int = Field(default=800, ge=1)
+    seed: int = 0
+    inputs: tuple[Input, ...]
+    granularity: GranularityInput | None = None
+
+
+def load_plan(path: Path) -> Plan:
+    """Read a plan.
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be read, is no TOML, or holds an unknown or impossible entry.
+    """
+    try:
+        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        plan = Plan(**content)
+    except OSError as error:
+        raise SettingsError(f"cannot read the plan {path}: {error.strerror}.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path} is no valid TOML: {error}.") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise SettingsError(f"{path}: {place}: {first['msg'].lower()}.") from None
+    for given in plan.inputs:
+        _ = given.frame_pairs  # raises for a list of pairs that does not parse
+    return plan
+
+
+@contextmanager
+def opened(name: str, data: Path) -> Iterator[Drive]:
+    """The drive of an input: a folder below `data`, or a built-in street that is simulated."""
+    if not name.startswith(STREET):
+        yield open_drive(data / name)
+        return
+    try:
+        seed = int(name.removeprefix(STREET))
+    except ValueError:
+        raise SettingsError(f"a built-in street is street:SEED, got {name!r}.") from None
+    with tempfile.TemporaryDirectory() as folder:
+        yield open_drive(simulate(folder, frames=STREET_FRAMES, seed=seed, images=False))
