@@ -88,6 +88,16 @@ def test_memory_is_bounded_and_forgets_the_oldest_and_farthest():
     assert scene.poses[:, 0, 3].tolist() == [21.0, 24.0, 27.0, 30.0, 33.0]
 
 
+def test_a_near_old_scan_stays_where_a_far_younger_one_is_evicted():
+    """Age alone would evict the first scan, distance alone the third."""
+    scene = Scene(max_scans=4)
+    for x in (0.0, 5.0, 60.0, 1.0, 2.0):
+        pose = turned(0.0, x, 0.0)
+        scene.add(street_scan(pose, **COARSE), pose)
+    # age/max + distance/max from x = 2: 1 + 2/58, 3/4 + 3/58, 2/4 + 1, 1/4 + 1/58
+    assert scene.poses[:, 0, 3].tolist() == [0.0, 5.0, 1.0, 2.0]
+
+
 def test_memory_is_bounded_in_bytes():
     one = Scene()
     one.add(street_scan(**COARSE))

@@ -86,6 +86,41 @@ def test_lines_within_a_range_are_the_dense_answer_picked(scene, rng):
     assert (dense.state[away > 12.0] == UNKNOWN).all()
 
 
+def test_lines_within_a_range_come_in_ascending_order(scene, rng):
+    viewpoints, targets = rng.normal(0, 10, (6, 3)), rng.normal(0, 20, (200, 3))
+    row, column, _ = scene.sight_within(viewpoints, targets, 15.0)
+    assert len(row) > 20
+    order = list(zip(row.tolist(), column.tolist(), strict=True))
+    assert order == sorted(order)
+
+
+def test_masks_length_and_indexing_follow_the_states(scene, rng):
+    targets = rng.normal(0, 15, (400, 3)) * [1, 1, 0.1]
+    sight = scene.sight([1.0, 0, 0], targets)
+    assert len(sight) == 400
+    masks = np.array([sight.visible, sight.occluded, sight.unknown])
+    assert (masks.sum(axis=0) == 1).all()
+    assert np.array_equal(sight.state, masks.T @ [VISIBLE, OCCLUDED, UNKNOWN])
+    assert same(sight[sight.occluded], scene.sight([1.0, 0, 0], targets[sight.occluded]))
+    assert sight[3].probability == sight.probability[3]
+    assert np.array_equal(sight[5:9].blocker, sight.blocker[5:9], equal_nan=True)
+    many = scene.sight([[1.0, 0, 0], [0.0, 1, 0]], targets)
+    assert len(many) == 2
+    assert same(many[0], sight)
+    assert many[many.visible].blocker.shape == (np.count_nonzero(many.visible), 3)
+
+
+def test_scenes_and_sights_print_what_they_hold(scene):
+    assert repr(scene).startswith("<Scene: 3 scans, ")
+    assert repr(scene).endswith(" MB>")
+    assert repr(Scene()) == "<Scene: 0 scans, 0.0 MB>"
+    sight = scene.sight([0.0, 0, 0], [[3.0, 0, 0], [0.0, 0, 60.0], [np.nan, 0, 0]])
+    assert repr(sight) == "<Sight: 3 lines, 1 visible, 0 occluded, 2 unknown>"
+    assert repr(sight[0]) == "<Sight: 1 line, 1 visible, 0 occluded, 0 unknown>"
+    both = scene.sight(np.zeros((2, 3)), [[3.0, 0, 0]])
+    assert repr(both) == "<Sight: 2 x 1 lines, 2 visible, 0 occluded, 0 unknown>"
+
+
 def test_blockers_lie_on_their_lines_and_only_occluded_lines_have_one(scene, rng):
     a, b = rng.normal(0, 15, (2, 4000, 3)) * [1, 1, 0.1]
     sight = scene.sight_lines(a, b)
