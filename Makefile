@@ -6,8 +6,10 @@ READY := $(VENV)/.ready
 OUT ?= out/demo
 JOBS ?= 2
 TESTS ?=
+COUNT ?= 100
+SEED ?= 0
 
-.PHONY: demo test test-slow lint types bench coverage dist clean help
+.PHONY: demo test test-slow lint types bench coverage mutants dist clean help
 .DEFAULT_GOAL := help
 
 help:            ## the verbs
@@ -37,6 +39,9 @@ types: $(READY)   ## mypy, strict on the package
 
 coverage: $(READY)  ## lines and branches that the tests run; TESTS="tests/method ..." for some of them
 	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow' --cov --cov-report=term --cov-report=html:out/coverage/html $(TESTS)
+
+mutants: $(READY) ## how many of COUNT small changes of the code the tests notice; goes on where it stopped
+	$(BIN)/python tools/mutants.py --count $(COUNT) --seed $(SEED) --jobs $(JOBS)
 
 bench: $(READY)   ## timings, as medians; never part of the tests
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only -p no:xdist
