@@ -26,7 +26,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,9 @@ KILLED, TIMED_OUT, SURVIVED = "killed", "timed out", "survived"
 MEMORY_KIB = 12 * 1024**2
 """Address space of one test run: a mutant that allocates without end must not stop the machine."""
 
-IGNORED = shutil.ignore_patterns("*.egg-info", ".hypothesis", ".pytest_cache")
+IGNORED = shutil.ignore_patterns("*.egg-info", "__pycache__")
+LIMIT_FACTOR, LIMIT_EXTRA_S = 4.0, 30.0
+"""A mutant may take this many times as long as the unchanged code, and this much longer."""
 
 
 @dataclass(frozen=True)
@@ -108,13 +110,16 @@ class MutationError(Exception):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run from the command line; 0 when every mutant was tested, 2 when the run could not start."""
+    """Run from the command line; 0 when every mutant was tested, 2 when the run cannot start."""
     options = _options(arguments)
     try:
         _run(options)
     except MutationError as error:
         print(f"mutants: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("mutants: stopped; the same command goes on from here.", file=sys.stderr)
+        return 130
     return 0
 
 
@@ -134,7 +139,7 @@ def _run(options: argparse.Namespace) -> None:
     if waiting:
         options.results.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-            runner = Runner(root, areas, Path(folder), options.limit_s)
+            runner = Runner(root, areas, Path(folder))
             runner.prepare({mutant.area for mutant in waiting})
             for result in _tested(waiting, runner, digests, options):
                 done[result.key] = result
@@ -199,15 +204,13 @@ class Runner:
         Folder of tests for each folder of source.
     folder : Path
         Where copies are made.
-    limit_s : float
-        Seconds after which a test run is ended.
     """
 
-    def __init__(self, root: Path, areas: dict[str, str], folder: Path, limit_s: float) -> None:
+    def __init__(self, root: Path, areas: dict[str, str], folder: Path) -> None:
         self.root = root
         self.areas = areas
         self.folder = folder
-        self.limit_s = limit_s
+        self.limit_s: dict[str, float] = {}
         self.original = folder / "original" / "project"
         self.running: set[subprocess.Popen[str]] = set()
         self.order = {area: _test_files(root, tests) for area, tests in areas.items()}
@@ -215,8 +218,8 @@ class Runner:
     def prepare(self, areas: set[str]) -> None:
         """Copy the project and run the tests of these areas on the unchanged code.
 
-        Compiled kernels of unchanged source are kept beside the copy's source, with the time
-        stamps that numba compares, so that mutants of other folders need not compile them.
+        This measures how long a mutant may take. It also compiles the kernels: numba keeps them
+        beside the copy's source, and a mutant of another folder need not compile them again.
 
         Raises
         ------
@@ -229,10 +232,16 @@ class Runner:
         shutil.copy2(self.root / "pyproject.toml", self.original)
         for area in sorted(areas):
             start = time.perf_counter()
-            outcome, output = self._tests(self.original, [area, *self.order[area]])
+            outcome, output = self._tests(self.original, [area, *self.order[area]], None)
             if outcome != SURVIVED:
                 raise MutationError(f"{self.areas[area]} fails without a mutant:\n{output}")
-            print(f"{self.areas[area]} passes in {time.perf_counter() - start:.0f} s", flush=True)
+            took_s = time.perf_counter() - start
+            self.limit_s[area] = LIMIT_FACTOR * took_s + LIMIT_EXTRA_S
+            print(
+                f"{self.areas[area]} passes in {took_s:.0f} s;"
+                f" a mutant has {self.limit_s[area]:.0f} s",
+                flush=True,
+            )
 
     def test(self, mutant: Mutant) -> tuple[str, float]:
         """Outcome of one mutant, and seconds."""
@@ -240,7 +249,7 @@ class Runner:
             (project / mutant.file).write_text(mutant.mutation.source)
             start = time.perf_counter()
             tests = [file for _, file in self._ordered(mutant)]
-            outcome, _ = self._tests(project, [mutant.file, *tests])
+            outcome, _ = self._tests(project, [mutant.file, *tests], self.limit_s[mutant.area])
             return outcome, time.perf_counter() - start
 
     def _ordered(self, mutant: Mutant) -> list[tuple[int, str]]:
@@ -254,7 +263,7 @@ class Runner:
             shutil.copytree(self.original.parent, folder, symlinks=True, dirs_exist_ok=True)
             yield Path(folder) / "project"
 
-    def _tests(self, project: Path, files: list[str]) -> tuple[str, str]:
+    def _tests(self, project: Path, files: list[str], limit_s: float | None) -> tuple[str, str]:
         """Outcome of the tests in some files or folders of a copy, and their output."""
         shared = project.parent / "shared"
         if not shared.exists() and (self.root.parent / "shared").exists():
@@ -273,9 +282,9 @@ class Runner:
         )
         self.running.add(process)
         try:
-            output, _ = process.communicate(timeout=self.limit_s)
+            output, _ = process.communicate(timeout=limit_s)
         except subprocess.TimeoutExpired:
-            return TIMED_OUT, f"more than {self.limit_s:g} s"
+            return TIMED_OUT, f"more than {limit_s} s"
         finally:
             _end(process)
             self.running.discard(process)
@@ -285,7 +294,8 @@ class Runner:
     def stop(self) -> None:
         """End all running tests; what they would have said is not kept."""
         for process in list(self.running):
-            _end(process)
+            with suppress(ProcessLookupError):  # it has just ended
+                os.killpg(process.pid, signal.SIGKILL)
 
 
 def _end(process: subprocess.Popen[str]) -> None:
@@ -408,7 +418,6 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     add("--count", type=int, default=100, help="mutants to sample (%(default)s)")
     add("--seed", type=int, default=0, help="seed of the sample (%(default)s)")
     add("--jobs", type=int, default=2, help="mutants tested at a time (%(default)s)")
-    add("--limit-s", type=float, default=240.0, help="seconds for one mutant (%(default)s)")
     add("--match", default="", help="only sampled mutants whose file, function or source has this")
     add("--list", action="store_true", help="list the sample and stop")
     add("--root", type=Path, default=ROOT, help="the project (this one)")
