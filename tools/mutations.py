@@ -83,7 +83,7 @@ class Mutation:
     @property
     def name(self) -> str:
         """Function, original and mutated source."""
-        return f"{self.function}: {self.original} -> {self.mutated}"
+        return f"{self.function or '<module>'}: {self.original} -> {self.mutated}"
 
 
 @dataclass(frozen=True)
