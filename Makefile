@@ -5,8 +5,11 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out/demo
 JOBS ?= 2
+TESTS ?=
+COUNT ?= 100
+SEED ?= 0
 
-.PHONY: demo test test-slow lint types bench docs clean help
+.PHONY: demo test test-slow lint types bench coverage mutants dist clean help
 .DEFAULT_GOAL := help
 
 help:            ## the verbs
@@ -34,8 +37,18 @@ lint: $(READY)   ## ruff
 types: $(READY)   ## mypy, strict on the package
 	$(BIN)/mypy
 
+coverage: $(READY)  ## lines and branches that the tests run; TESTS="tests/method ..." for some of them
+	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow' --cov --cov-report=term --cov-report=html:out/coverage/html $(TESTS)
+
+mutants: $(READY) ## how many of COUNT small changes of the code the tests notice; goes on where it stopped
+	$(BIN)/python tools/mutants.py --count $(COUNT) --seed $(SEED) --jobs $(JOBS)
+
 bench: $(READY)   ## timings, as medians; never part of the tests
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only -p no:xdist
+
+dist: $(READY)   ## source distribution and wheel, in dist/
+	rm -rf dist
+	$(BIN)/python -m build
 
 clean:           ## the environment and everything made
 	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
