@@ -73,8 +73,8 @@ def test_missing_scans_and_images_never_shift_a_pairing(tmp_path):
     # As in drive 2011_09_26_0009, where scans 177 to 180 are missing; here images 3 and 8 too.
     scans = [0, 1, 2, 3, 8, 9]
     root = write_kitti_raw(tmp_path, scans=scans, images=[0, 1, 2, 4, 5, 6, 7, 9])
-    stamps = "".join(f"2011-09-26 13:02:{n:02d}.500000001\n" for n in range(10))
-    write_text(root / "velodyne_points/timestamps.txt", stamps)
+    times = "".join(f"2011-09-26 13:02:{n:02d}.500000001\n" for n in range(10))
+    write_text(root / "velodyne_points/timestamps.txt", times)
     drive = open_drive(root)
     assert drive.frame_numbers == tuple(scans)
     second = int(np.datetime64("2011-09-26T13:02:00", "ns").astype(np.int64))
@@ -377,7 +377,7 @@ def test_oxts_without_the_imus_place_name_the_missing_file(tmp_path):
         open_drive(root)
 
 
-def test_stamps_as_many_as_scans_and_blank_lines(tmp_path):
+def test_timestamps_as_many_as_scans_and_blank_lines(tmp_path):
     root = write_kitti_raw(tmp_path, scans=[4, 6])
     path = write_text(
         root / "velodyne_points/timestamps.txt", "\n2011-09-26 13:02:25.967790592\n\n"
@@ -391,7 +391,7 @@ def test_stamps_as_many_as_scans_and_blank_lines(tmp_path):
 
 
 @pytest.mark.parametrize("line", ["yesterday", "2011-13-26 13:02:25", "NaT", "now", "1317042145"])
-def test_a_stamp_that_is_no_date_is_named(tmp_path, line):
+def test_a_timestamp_that_is_no_date_is_named(tmp_path, line):
     root = write_kitti_raw(tmp_path)
     text = f"2011-09-26 13:02:25\n{line}\n2011-09-26 13:02:26\n"
     write_text(root / "velodyne_points/timestamps.txt", text)

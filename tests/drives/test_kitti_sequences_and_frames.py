@@ -160,7 +160,7 @@ def test_one_bad_calibration_is_its_own_frames_matter(tmp_path):
         drive[2]
     assert drive[1].camera.fx_px == 700
     assert drive.camera.width_px == 61  # of the first frame that has a readable one
-    assert drive.identity()["camera"] == "image_2"
+    assert drive.fingerprint()["camera"] == "image_2"
 
 
 def test_every_calibration_broken(tmp_path):

@@ -1,4 +1,4 @@
-"""Folders of scans, single files, what is no drive, and a drive's identity."""
+"""Folders of scans, single files, what is no drive, and a drive's fingerprint."""
 
 import json
 import logging
@@ -138,30 +138,30 @@ def test_a_scan_that_vanishes_after_opening(tmp_path):
     with pytest.raises(ScanError, match=r"cannot read the scan .*1\.bin: No such file"):
         drive[1]
     with pytest.raises(DriveError, match=r"cannot read .*1\.bin: No such file"):
-        drive.identity()
+        drive.fingerprint()
 
 
-# --- identity ---
+# --- fingerprint ---
 
 
-def test_identity_is_json_and_the_same_in_another_place(tmp_path):
+def test_fingerprint_is_json_and_the_same_in_another_place(tmp_path):
     root = write_kitti_raw(tmp_path / "here", images=(0, 1))
     write_text(root / "poses.txt", "\n".join(pose_line(n) for n in range(3)))
-    identity = open_drive(root).identity()
-    assert json.loads(json.dumps(identity)) == identity
-    assert identity["layout"] == "kitti_raw"
-    assert (identity["frames"], identity["first"], identity["last"]) == (3, 0, 2)
-    assert identity["scan_bytes"] == 3 * 80
-    assert identity["camera"] == "image_02"
+    fingerprint = open_drive(root).fingerprint()
+    assert json.loads(json.dumps(fingerprint)) == fingerprint
+    assert fingerprint["layout"] == "kitti_raw"
+    assert (fingerprint["frames"], fingerprint["first"], fingerprint["last"]) == (3, 0, 2)
+    assert fingerprint["scan_bytes"] == 3 * 80
+    assert fingerprint["camera"] == "image_02"
     shutil.copytree(tmp_path / "here", tmp_path / "there")
-    assert open_drive(tmp_path / "there").identity() == identity
+    assert open_drive(tmp_path / "there").fingerprint() == fingerprint
 
 
 @pytest.mark.parametrize("change", ["content", "size", "number", "calibration", "pose", "image"])
-def test_identity_notices_a_changed_input(tmp_path, change):
+def test_fingerprint_notices_a_changed_input(tmp_path, change):
     root = write_kitti_raw(tmp_path, images=(0, 1))
     poses = write_text(root / "poses.txt", "\n".join(pose_line(n) for n in range(3)))
-    before = open_drive(root).identity()
+    before = open_drive(root).fingerprint()
     scan = root / "velodyne_points/data/0000000001.bin"
     if change == "content":
         write_scan(scan, 7)
@@ -176,4 +176,4 @@ def test_identity_notices_a_changed_input(tmp_path, change):
         poses.write_text(poses.read_text().replace("1 0 0 2 ", "1 0 0 3 "))
     else:
         (root / "image_02/data/0000000001.png").unlink()
-    assert open_drive(root).identity()["digest"] != before["digest"]
+    assert open_drive(root).fingerprint()["digest"] != before["digest"]

@@ -17,13 +17,13 @@ __all__ = ["Drive", "Frame", "open_drive"]
 
 
 class _Layout(NamedTuple):
-    looked_for: str
+    expected_files: str
     find_root: Callable[[Path], Path | None]
     read_drive: Callable[[Path, str | None], Drive]
 
 
 _LAYOUTS = tuple(
-    _Layout(module.LOOKED_FOR, module.find_root, module.read_drive)
+    _Layout(module.EXPECTED_FILES, module.find_root, module.read_drive)
     for module in (kitti_raw, kitti_odometry, kitti_object, scan_folder)
 )
 
@@ -87,8 +87,8 @@ def _open_folder(folder: Path, camera: str | None) -> Drive:
     content = sorted(entry.name for entry in folder.iterdir())
     if not content:
         raise DriveError(f"the folder {folder} is empty.")
-    looked_for = "; ".join(layout.looked_for for layout in _LAYOUTS)
+    expected_files = "; ".join(layout.expected_files for layout in _LAYOUTS)
     shown = ", ".join(content[:8]) + (", ..." if len(content) > 8 else "")
     raise DriveError(
-        f"{folder} is no drive of a known layout. Looked for: {looked_for}. Found: {shown}."
+        f"{folder} is no drive of a known layout. Looked for: {expected_files}. Found: {shown}."
     )

@@ -1,4 +1,4 @@
-"""KITTI's calibration files, and the cameras that they mount on the vehicle."""
+"""KITTI's calibration files, and the cameras that they describe."""
 
 import logging
 import math
@@ -24,7 +24,7 @@ TEXT_KEYS = ("calib_time",)
 
 
 @dataclass(frozen=True, eq=False)
-class CameraMount:
+class CameraCalibration:
     """A camera and where it sits: `cam_from_velo` leads to KITTI's rectified camera-0 frame."""
 
     camera: Camera
@@ -97,7 +97,7 @@ class CalibrationFile:
         return f"{self.path}, line {self.lines[key][0]}"
 
 
-def read_calibration(path: Path) -> CalibrationFile:
+def read_calibration_file(path: Path) -> CalibrationFile:
     """A KITTI calibration file, every line of it checked.
 
     Raises
@@ -155,19 +155,19 @@ def parse_numbers(text: str, path: Path, line_number: int) -> tuple[float, ...]:
     return tuple(values)
 
 
-def raw_mount(folder: Path, name: str) -> CameraMount:
+def raw_camera_calibration(folder: Path, name: str) -> CameraCalibration:
     """The camera ``image_0K`` of KITTI raw's calib_cam_to_cam.txt and calib_velo_to_cam.txt.
 
     Source: Geiger et al., Vision meets Robotics: The KITTI Dataset, IJRR 2013, Eq. 4 to 8.
     """
-    cameras, velo = (read_calibration(folder / file) for file in RAW_FILES)
+    cameras, velo = (read_calibration_file(folder / file) for file in RAW_FILES)
     number = name.removeprefix("image_")
     width_px, height_px = (round(float(size)) for size in cameras.matrix(f"S_rect_{number}", 2))
     camera = cameras.camera(f"P_rect_{number}", (width_px, height_px), name)
     unrectified_from_velo = velo.motion(
         "R", np.hstack([velo.matrix("R", 3, 3), velo.matrix("T", 3, 1)])
     )
-    return CameraMount(camera, cameras.rotation("R_rect_00") @ unrectified_from_velo)
+    return CameraCalibration(camera, cameras.rotation("R_rect_00") @ unrectified_from_velo)
 
 
 RAW_FILES = ("calib_cam_to_cam.txt", "calib_velo_to_cam.txt")
@@ -175,7 +175,7 @@ RAW_FILES = ("calib_cam_to_cam.txt", "calib_velo_to_cam.txt")
 
 def raw_camera_names(folder: Path) -> tuple[str, ...]:
     """Names of the cameras that KITTI raw's calibration knows: ``image_00`` and so on."""
-    keys = read_calibration(folder / RAW_FILES[0]).lines
+    keys = read_calibration_file(folder / RAW_FILES[0]).lines
     return tuple(
         sorted(f"image_{match[1]}" for key in keys if (match := re.fullmatch(r"P_rect_(\d+)", key)))
     )

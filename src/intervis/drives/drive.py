@@ -10,13 +10,13 @@ from typing import Any
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
-from intervis.drives.calibration import CameraMount
+from intervis.drives.calibration import CameraCalibration
 from intervis.drives.frame import Frame
 from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError
 
 SAMPLE_BYTES = 4096
-"""How much of the middle of each scan `Drive.identity` looks at."""
+"""How much of the middle of each scan `Drive.fingerprint` looks at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +39,14 @@ class Drive:
         Every camera that `open_drive` could have chosen.
     camera_name : str or None
         The chosen one.
-    mounts : CameraMount, or function of a frame number to CameraMount, or None
-        The chosen camera, the same for all frames or one for each.
+    calibration : CameraCalibration, or function of a frame number to CameraCalibration, or None
+        Of the chosen camera: the same for all frames, or one for each frame.
     poses : mapping of int to (4, 4) float64 array, or None
         world_from_velo by frame number.
     timestamps_ns : mapping of int to int
         Time of the scan by frame number, nanoseconds.
-    side_files : tuple of Path
-        Calibration, poses and times: what else the frames rest on.
+    metadata_files : tuple of Path
+        Calibration, poses and times.
     frame_numbers : tuple of int
         Sorted numbers of the frames that have a scan.
     """
@@ -58,10 +58,12 @@ class Drive:
     image_paths: Mapping[int, Path] = field(default_factory=dict, repr=False)
     camera_names: tuple[str, ...] = ()
     camera_name: str | None = None
-    mounts: CameraMount | Callable[[int], CameraMount] | None = field(default=None, repr=False)
+    calibration: CameraCalibration | Callable[[int], CameraCalibration] | None = field(
+        default=None, repr=False
+    )
     poses: Mapping[int, Float64Array] | None = field(default=None, repr=False)
     timestamps_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
-    side_files: tuple[Path, ...] = field(default=(), repr=False)
+    metadata_files: tuple[Path, ...] = field(default=(), repr=False)
     frame_numbers: tuple[int, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -79,15 +81,15 @@ class Drive:
         unreadable: DriveError | None = None
         for number in self.frame_numbers:
             try:
-                mount = self.mount_of(number)
+                calibration = self.calibration_of(number)
             except DriveError as error:
                 unreadable = unreadable or error
                 continue
-            return None if mount is None else mount.camera
+            return None if calibration is None else calibration.camera
         assert unreadable is not None  # a drive has at least one frame
         raise unreadable
 
-    def mount_of(self, number: int) -> CameraMount | None:
+    def calibration_of(self, number: int) -> CameraCalibration | None:
         """Camera and cam_from_velo of one frame; None where the drive has no camera.
 
         Raises
@@ -95,7 +97,7 @@ class Drive:
         CalibrationError
             This frame's own calibration is missing or does not parse.
         """
-        return self.mounts(number) if callable(self.mounts) else self.mounts
+        return self.calibration(number) if callable(self.calibration) else self.calibration
 
     def __len__(self) -> int:
         return len(self.frame_numbers)
@@ -125,21 +127,21 @@ class Drive:
         if number not in self.scan_paths:
             raise DriveError(self._no_such_frame(number))
         scan = read_scan(self.scan_paths[number])
-        mount = self.mount_of(number)
+        calibration = self.calibration_of(number)
         pose = self.poses.get(number) if self.poses else None
         return Frame(
             number=number,
             points=scan.points,
             attributes=scan.attributes,
-            camera=mount.camera if mount else None,
-            cam_from_velo=mount.cam_from_velo.copy() if mount else None,
+            camera=calibration.camera if calibration else None,
+            cam_from_velo=calibration.cam_from_velo.copy() if calibration else None,
             pose=None if pose is None else pose.copy(),
             timestamp_ns=self.timestamps_ns.get(number),
             image_path=self.image_paths.get(number),
             scan_path=self.scan_paths[number],
         )
 
-    def identity(self) -> dict[str, Any]:
+    def fingerprint(self) -> dict[str, Any]:
         """What this drive is, cheaply: a changed input changes it, another place on disk does not.
 
         Returns
@@ -164,7 +166,7 @@ class Drive:
                 scan_bytes += size
             for number, path in sorted(self.image_paths.items()):
                 digest.update(f"image {number} {path.stat().st_size}\n".encode())
-            for path in self.side_files:
+            for path in self.metadata_files:
                 digest.update(f"file {path.name}\n".encode() + path.read_bytes())
         except OSError as error:
             raise DriveError(f"cannot read {error.filename}: {error.strerror}.") from None

@@ -11,16 +11,16 @@ from pathlib import Path
 
 from intervis.drives.calibration import (
     CalibrationFile,
-    CameraMount,
+    CameraCalibration,
     pick_camera,
-    read_calibration,
+    read_calibration_file,
     size_of_pictures,
 )
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import numbered_files
 from intervis.errors import CalibrationError, DriveError
 
-LOOKED_FOR = "velodyne/*.bin beside calib/ or image_2/, also under training/ (KITTI object)"
+EXPECTED_FILES = "velodyne/*.bin beside calib/ or image_2/, also under training/ (KITTI object)"
 
 
 def find_root(path: Path) -> Path | None:
@@ -37,7 +37,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     """The frames in a folder that `find_root` has found."""
     scans = numbered_files(root / "velodyne", ".bin")
     if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {LOOKED_FOR}.")
+        raise DriveError(f"{root} holds no scans: looked for {EXPECTED_FILES}.")
     calibrations = numbered_files(root / "calib", ".txt")
     pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
     if pictured and not calibrations:
@@ -55,13 +55,15 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         image_paths=images,
         camera_names=names,
         camera_name=chosen,
-        mounts=ObjectMounts(root / "calib", chosen, calibrations, images) if chosen else None,
-        side_files=tuple(calibrations.values()),
+        calibration=ObjectCalibrations(root / "calib", chosen, calibrations, images)
+        if chosen
+        else None,
+        metadata_files=tuple(calibrations.values()),
     )
 
 
 @dataclass(frozen=True)
-class ObjectMounts:
+class ObjectCalibrations:
     """The camera of each frame, read from that frame's calibration and picture."""
 
     folder: Path
@@ -69,24 +71,24 @@ class ObjectMounts:
     calibrations: Mapping[int, Path]
     images: Mapping[int, Path]
 
-    def __call__(self, number: int) -> CameraMount:
+    def __call__(self, number: int) -> CameraCalibration:
         """Camera and cam_from_velo = R0_rect Tr_velo_to_cam of one frame."""
         missing = self.folder / f"{number:06d}.txt"
-        calibration = read_calibration(self.calibrations.get(number, missing))
+        calibration = read_calibration_file(self.calibrations.get(number, missing))
         own = {number: self.images[number]} if number in self.images else {}
         key = self.name.replace("image_", "P")
         camera = calibration.camera(key, size_of_pictures(own), self.name)
         unrectified_from_velo = calibration.motion(
             "Tr_velo_to_cam", calibration.matrix("Tr_velo_to_cam", 3, 4)
         )
-        return CameraMount(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
+        return CameraCalibration(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
 
 
 def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -> tuple[str, ...]:
     """Cameras of the first calibration that can be read; a broken one is its own frame's matter."""
     for number in sorted(calibrations.keys() & scans.keys()):
         try:
-            calibration: CalibrationFile = read_calibration(calibrations[number])
+            calibration: CalibrationFile = read_calibration_file(calibrations[number])
         except CalibrationError:
             continue
         keys = calibration.lines

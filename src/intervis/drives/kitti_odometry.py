@@ -12,17 +12,17 @@ from pathlib import Path
 from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
     CalibrationFile,
-    CameraMount,
+    CameraCalibration,
     pick_camera,
-    read_calibration,
+    read_calibration_file,
     size_of_pictures,
 )
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_files
-from intervis.drives.trajectory import carried_to_velo, present, read_poses, read_seconds
+from intervis.drives.trajectory import known_timestamps, lidar_poses, read_poses, read_seconds
 from intervis.errors import DriveError
 
-LOOKED_FOR = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
+EXPECTED_FILES = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
 
 
 def find_root(path: Path) -> Path | None:
@@ -59,31 +59,31 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     """The sequence in a folder that `find_root` has found."""
     scans = numbered_files(root / "velodyne", ".bin")
     if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {LOOKED_FOR}.")
+        raise DriveError(f"{root} holds no scans: looked for {EXPECTED_FILES}.")
     numbers = list(scans)
     pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
     pose_path = _pose_file(root)
     calibration = None
     if pictured or pose_path or (root / "calib.txt").is_file():
-        calibration = read_calibration(root / "calib.txt")
+        calibration = read_calibration_file(root / "calib.txt")
     names = _camera_names(calibration)
     chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
     images = numbered_files(root / chosen, ".png") if chosen else {}
-    mount, poses = None, None
-    side_files = [root / "calib.txt"] if calibration else []
+    camera_calibration, poses = None, None
+    metadata_files = [root / "calib.txt"] if calibration else []
     if calibration and chosen:
         key = chosen.replace("image_", "P")
-        seen = calibration.camera(key, size_of_pictures(images), chosen)
-        mount = CameraMount(seen, cam_from_velo(calibration))
+        model = calibration.camera(key, size_of_pictures(images), chosen)
+        camera_calibration = CameraCalibration(model, cam_from_velo(calibration))
     if calibration and pose_path:
-        poses_velo = carried_to_velo(read_poses(pose_path), cam_from_velo(calibration))
+        poses_velo = lidar_poses(read_poses(pose_path), cam_from_velo(calibration))
         poses = lines_by_number(poses_velo, numbers, pose_path, may_be_longer=True)
-        side_files.append(pose_path)
-    stamps, times = {}, root / "times.txt"
+        metadata_files.append(pose_path)
+    timestamps_ns, times = {}, root / "times.txt"
     if times.is_file():
         lines = lines_by_number(read_seconds(times), numbers, times, may_be_longer=True)
-        stamps = present(lines)
-        side_files.append(times)
+        timestamps_ns = known_timestamps(lines)
+        metadata_files.append(times)
     return Drive(
         root=root,
         name=root.name,
@@ -92,10 +92,10 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         image_paths=images,
         camera_names=names,
         camera_name=chosen,
-        mounts=mount,
+        calibration=camera_calibration,
         poses=poses,
-        timestamps_ns=stamps,
-        side_files=tuple(side_files),
+        timestamps_ns=timestamps_ns,
+        metadata_files=tuple(metadata_files),
     )
 
 

@@ -15,18 +15,23 @@ from intervis.drives.calibration import (
     RAW_FILES,
     compare_sizes,
     pick_camera,
+    raw_camera_calibration,
     raw_camera_names,
-    raw_mount,
-    read_calibration,
+    read_calibration_file,
 )
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_files
-from intervis.drives.trajectory import poses_from_oxts, present, read_poses, read_timestamps
+from intervis.drives.trajectory import (
+    known_timestamps,
+    poses_from_oxts,
+    read_poses,
+    read_timestamps,
+)
 from intervis.errors import DriveError
 
 log = logging.getLogger(__name__)
 
-LOOKED_FOR = "velodyne_points/data/*.bin (KITTI raw)"
+EXPECTED_FILES = "velodyne_points/data/*.bin (KITTI raw)"
 
 
 def find_root(path: Path) -> Path | None:
@@ -51,22 +56,22 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     """The drive in a folder that `find_root` has found."""
     scans = numbered_files(root / "velodyne_points" / "data", ".bin")
     if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {LOOKED_FOR}.")
+        raise DriveError(f"{root} holds no scans: looked for {EXPECTED_FILES}.")
     date, numbers = root.parent, list(scans)
     pictured = {folder.parent.name for folder in root.glob("image_*/data") if folder.is_dir()}
     names: tuple[str, ...] = ()
     if pictured or all((date / file).is_file() for file in RAW_FILES):
         names = raw_camera_names(date)
     chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
-    mount = raw_mount(date, chosen) if chosen else None
+    calibration = raw_camera_calibration(date, chosen) if chosen else None
     images = numbered_files(root / chosen / "data", ".png") if chosen else {}
-    if mount:
-        compare_sizes(mount.camera, images)
+    if calibration:
+        compare_sizes(calibration.camera, images)
     else:
         log.info("%s has neither images nor calibration: it is read without a camera.", root)
     poses, pose_files = _read_poses(root, numbers)
-    stamps, stamp_files = _read_stamps(root, numbers)
-    calibration_files = [date / file for file in RAW_FILES] if mount else []
+    timestamps_ns, timestamp_files = _read_timestamps(root, numbers)
+    calibration_files = [date / file for file in RAW_FILES] if calibration else []
     return Drive(
         root=root,
         name=root.name,
@@ -75,10 +80,10 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         image_paths=images,
         camera_names=names,
         camera_name=chosen,
-        mounts=mount,
+        calibration=calibration,
         poses=poses,
-        timestamps_ns=stamps,
-        side_files=(*calibration_files, *pose_files, *stamp_files),
+        timestamps_ns=timestamps_ns,
+        metadata_files=(*calibration_files, *pose_files, *timestamp_files),
     )
 
 
@@ -93,17 +98,17 @@ def _read_poses(
     if not records:
         return None, []
     imu = root.parent / "calib_imu_to_velo.txt"
-    calibration = read_calibration(imu)
+    calibration = read_calibration_file(imu)
     velo_from_imu = calibration.motion(
         "R", np.hstack([calibration.matrix("R", 3, 3), calibration.matrix("T", 3, 1)])
     )
     return poses_from_oxts(records, velo_from_imu), [imu, *records.values()]
 
 
-def _read_stamps(root: Path, numbers: list[int]) -> tuple[dict[int, int], list[Path]]:
+def _read_timestamps(root: Path, numbers: list[int]) -> tuple[dict[int, int], list[Path]]:
     """Times of the scans by frame number, and the file they came from."""
     path = root / "velodyne_points" / "timestamps.txt"
     if not path.is_file():
         return {}, []
     lines = lines_by_number(read_timestamps(path), numbers, path, may_be_longer=True)
-    return present(lines), [path]
+    return known_timestamps(lines), [path]

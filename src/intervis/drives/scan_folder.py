@@ -9,14 +9,19 @@ from collections import Counter
 from pathlib import Path
 
 from intervis.arrays import Float64Array
-from intervis.drives.calibration import RAW_FILES, pick_camera, raw_camera_names, raw_mount
+from intervis.drives.calibration import (
+    RAW_FILES,
+    pick_camera,
+    raw_camera_calibration,
+    raw_camera_names,
+)
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_by_name
 from intervis.drives.scan_file import READERS, scan_ending
 from intervis.drives.trajectory import read_poses
 from intervis.errors import CalibrationError, DriveError
 
-LOOKED_FOR = f"scans ending in {' '.join(READERS)}, in it or in scans/ (a folder of scans)"
+EXPECTED_FILES = f"scans ending in {' '.join(READERS)}, in it or in scans/ (a folder of scans)"
 
 
 def find_root(path: Path) -> Path | None:
@@ -49,9 +54,9 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         scan_paths=scans,
         camera_names=names,
         camera_name=chosen,
-        mounts=raw_mount(root, chosen) if chosen else None,
+        calibration=raw_camera_calibration(root, chosen) if chosen else None,
         poses=poses,
-        side_files=(*(root / file for file in there), *([pose_path] if poses else [])),
+        metadata_files=(*(root / file for file in there), *([pose_path] if poses else [])),
     )
 
 

@@ -138,12 +138,12 @@ def read_seconds(path: Path) -> list[int | None]:
     return timestamps_ns
 
 
-def present(timestamps_ns: Mapping[int, int | None]) -> dict[int, int]:
-    """The stamps that are there."""
-    return {number: stamp for number, stamp in timestamps_ns.items() if stamp is not None}
+def known_timestamps(timestamps_ns: Mapping[int, int | None]) -> dict[int, int]:
+    """The timestamps without the missing ones."""
+    return {number: time_ns for number, time_ns in timestamps_ns.items() if time_ns is not None}
 
 
-def carried_to_velo(
+def lidar_poses(
     world_from_cam: Sequence[Float64Array], cam_from_velo: Float64Array
 ) -> list[Float64Array]:
     """Camera-0 poses as LiDAR poses, in a world that is the LiDAR's frame at the first of them.
@@ -152,7 +152,7 @@ def carried_to_velo(
     --------
     >>> cam_from_velo = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
     >>> ten_metres_ahead = rigid(np.eye(3), [0.0, 0.0, 10.0])
-    >>> carried_to_velo([ten_metres_ahead], cam_from_velo)[0][:3, 3].tolist()
+    >>> lidar_poses([ten_metres_ahead], cam_from_velo)[0][:3, 3].tolist()
     [10.0, 0.0, 0.0]
     """
     velo_from_cam = inverse(cam_from_velo)
