@@ -72,7 +72,7 @@ def test_the_only_sequence_is_found_from_above_and_of_two_one_must_be_named(tmp_
     assert open_drive(tmp_path).root == root
     assert open_drive(tmp_path / "sequences").root == root
     write_kitti_odometry(tmp_path, name="05")
-    with pytest.raises(DriveError, match=r"holds 2 sequences, .*: sequences/04, sequences/05\."):
+    with pytest.raises(DriveError, match=r"holds 2 drives, .*: sequences/04, sequences/05\."):
         open_drive(tmp_path)
 
 

@@ -18,12 +18,12 @@ __all__ = ["Drive", "Frame", "open_drive"]
 
 class _Layout(NamedTuple):
     expected_files: str
-    find_root: Callable[[Path], Path | None]
+    find_roots: Callable[[Path], list[Path]]
     read_drive: Callable[[Path, str | None], Drive]
 
 
 _LAYOUTS = tuple(
-    _Layout(module.EXPECTED_FILES, module.find_root, module.read_drive)
+    _Layout(module.EXPECTED_FILES, module.find_roots, module.read_drive)
     for module in (kitti_raw, kitti_odometry, kitti_object, scan_folder)
 )
 
@@ -81,9 +81,12 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
 def _open_folder(folder: Path, camera: str | None) -> Drive:
     """The first layout that finds itself in the folder."""
     for layout in _LAYOUTS:
-        root = layout.find_root(folder)
-        if root is not None:
-            return layout.read_drive(root, camera)
+        roots = layout.find_roots(folder)
+        if len(roots) > 1:
+            names = ", ".join(str(root.relative_to(folder)) for root in roots[:8])
+            raise DriveError(f"{folder} holds {len(roots)} drives, name one of them: {names}.")
+        if roots:
+            return layout.read_drive(roots[0], camera)
     content = sorted(entry.name for entry in folder.iterdir())
     if not content:
         raise DriveError(f"the folder {folder} is empty.")

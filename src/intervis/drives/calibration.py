@@ -3,7 +3,7 @@
 import logging
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,21 +63,33 @@ class CalibrationFile:
         return np.array(values).reshape(shape)
 
     def rotation(self, key: str) -> Float64Array:
-        """The (4, 4) motion that turns by the 3x3 rotation of one key."""
-        return self.motion(key, np.hstack([self.matrix(key, 3, 3), np.zeros((3, 1))]))
+        """(4, 4) motion without translation: the 3x3 rotation in the line of `key`."""
+        return self._rigid_motion(key, np.hstack([self.matrix(key, 3, 3), np.zeros((3, 1))]))
 
-    def motion(self, key: str, matrix: Float64Array) -> Float64Array:
-        """A (4, 4) rigid motion that came from the line of `key`, checked.
+    def rigid_motion(self, key: str) -> Float64Array:
+        """(4, 4) rigid motion: the 3x4 matrix in the line of `key`."""
+        return self._rigid_motion(key, self.matrix(key, 3, 4))
 
-        Raises
-        ------
-        CalibrationError
-            It is no rigid motion.
-        """
+    def rotation_and_translation(self) -> Float64Array:
+        """(4, 4) rigid motion: the 3x3 rotation in the line ``R`` and the 3 metres in ``T``."""
+        return self._rigid_motion("R", np.hstack([self.matrix("R", 3, 3), self.matrix("T", 3, 1)]))
+
+    def _rigid_motion(self, key: str, matrix: Float64Array) -> Float64Array:
         try:
             return checked_pose(matrix, key)
         except PoseError as error:
             raise CalibrationError(f"{self.where(key)}: {error}") from None
+
+    def camera_names(self, prefix: str) -> tuple[str, ...]:
+        """Names of the cameras with a projection: ``image_02`` for the key ``P_rect_02``.
+
+        Parameters
+        ----------
+        prefix : str
+            What stands before the camera's number in the key of its projection.
+        """
+        numbers = (re.fullmatch(prefix + r"(\d+)", key) for key in self.lines)
+        return tuple(sorted(f"image_{match[1]}" for match in numbers if match))
 
     def camera(self, key: str, size_px: tuple[int, int], name: str) -> Camera:
         """The camera whose 3x4 projection stands in the line of `key`.
@@ -164,10 +176,9 @@ def raw_camera_calibration(folder: Path, name: str) -> CameraCalibration:
     number = name.removeprefix("image_")
     width_px, height_px = (round(float(size)) for size in cameras.matrix(f"S_rect_{number}", 2))
     camera = cameras.camera(f"P_rect_{number}", (width_px, height_px), name)
-    unrectified_from_velo = velo.motion(
-        "R", np.hstack([velo.matrix("R", 3, 3), velo.matrix("T", 3, 1)])
+    return CameraCalibration(
+        camera, cameras.rotation("R_rect_00") @ velo.rotation_and_translation()
     )
-    return CameraCalibration(camera, cameras.rotation("R_rect_00") @ unrectified_from_velo)
 
 
 RAW_FILES = ("calib_cam_to_cam.txt", "calib_velo_to_cam.txt")
@@ -175,14 +186,11 @@ RAW_FILES = ("calib_cam_to_cam.txt", "calib_velo_to_cam.txt")
 
 def raw_camera_names(folder: Path) -> tuple[str, ...]:
     """Names of the cameras that KITTI raw's calibration knows: ``image_00`` and so on."""
-    keys = read_calibration_file(folder / RAW_FILES[0]).lines
-    return tuple(
-        sorted(f"image_{match[1]}" for key in keys if (match := re.fullmatch(r"P_rect_(\d+)", key)))
-    )
+    return read_calibration_file(folder / RAW_FILES[0]).camera_names("P_rect_")
 
 
 def pick_camera(
-    asked: str | None, names: tuple[str, ...], pictured: tuple[str, ...], drive: Path
+    asked: str | None, names: tuple[str, ...], with_images: Collection[str], drive: Path
 ) -> str | None:
     """Name of the camera to use: the one asked for, else the left colour camera (number 2).
 
@@ -192,8 +200,10 @@ def pick_camera(
     ----------
     asked : str or None
         A name (``image_03``), or a camera's number alone (``3``).
-    names, pictured : tuple of str
-        Cameras of the calibration, and those of them with pictures.
+    names : tuple of str
+        Cameras of the calibration.
+    with_images : collection of str
+        Names of the folders with images.
     drive : Path
         For the error message.
 
@@ -217,11 +227,9 @@ def pick_camera(
                 return name
         there = f"it has {', '.join(names)}" if names else "it has none"
         raise DriveError(f"{drive} has no camera {asked!r}: {there}.")
-    for candidates in (pictured, names):
-        left_colour = [name for name in candidates if int(name.removeprefix("image_")) == 2]
-        if left_colour or candidates:
-            return (left_colour or list(candidates))[0]
-    return None
+    candidates = [name for name in names if name in with_images] or list(names)
+    left_colour = [name for name in candidates if int(name.removeprefix("image_")) == 2]
+    return next(iter(left_colour + candidates), None)
 
 
 def png_size_px(path: Path) -> tuple[int, int]:

@@ -4,40 +4,36 @@
 The frames are no sequence: neighbours in number are years and streets apart.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from intervis.drives.calibration import (
-    CalibrationFile,
     CameraCalibration,
     pick_camera,
     read_calibration_file,
     size_of_pictures,
 )
 from intervis.drives.drive import Drive
-from intervis.drives.numbering import numbered_files
-from intervis.errors import CalibrationError, DriveError
+from intervis.drives.numbering import numbered_files, numbered_scans
+from intervis.errors import CalibrationError
 
 EXPECTED_FILES = "velodyne/*.bin beside calib/ or image_2/, also under training/ (KITTI object)"
 
 
-def find_root(path: Path) -> Path | None:
-    """The folder with ``velodyne``: `path` itself, or its ``training``, or its ``testing``."""
+def find_roots(path: Path) -> list[Path]:
+    """The first of `path`, its ``training`` and its ``testing`` that has the expected files."""
     for folder in (path, path / "training", path / "testing"):
         if (folder / "velodyne").is_dir() and (
             (folder / "calib").is_dir() or any(folder.glob("image_*"))
         ):
-            return folder
-    return None
+            return [folder]
+    return []
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The frames in a folder that `find_root` has found."""
-    scans = numbered_files(root / "velodyne", ".bin")
-    if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {EXPECTED_FILES}.")
+    """The frames in a folder that `find_roots` returned."""
+    scans = numbered_scans(root, "velodyne", EXPECTED_FILES)
     calibrations = numbered_files(root / "calib", ".txt")
     pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
     if pictured and not calibrations:
@@ -45,7 +41,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
             f"{root} has images and no calibration: each frame needs a file in {root / 'calib'}."
         )
     names = _camera_names(calibrations, scans)
-    chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
+    chosen = pick_camera(camera, names, pictured, root)
     images = numbered_files(root / chosen, ".png") if chosen else {}
     return Drive(
         root=root,
@@ -78,9 +74,7 @@ class ObjectCalibrations:
         own = {number: self.images[number]} if number in self.images else {}
         key = self.name.replace("image_", "P")
         camera = calibration.camera(key, size_of_pictures(own), self.name)
-        unrectified_from_velo = calibration.motion(
-            "Tr_velo_to_cam", calibration.matrix("Tr_velo_to_cam", 3, 4)
-        )
+        unrectified_from_velo = calibration.rigid_motion("Tr_velo_to_cam")
         return CameraCalibration(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
 
 
@@ -88,12 +82,10 @@ def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -
     """Cameras of the first calibration that can be read; a broken one is its own frame's matter."""
     for number in sorted(calibrations.keys() & scans.keys()):
         try:
-            calibration: CalibrationFile = read_calibration_file(calibrations[number])
+            names = read_calibration_file(calibrations[number]).camera_names("P")
         except CalibrationError:
             continue
-        keys = calibration.lines
-        found = [match[1] for key in keys if (match := re.fullmatch(r"P(\d+)", key))]
-        if found:
-            return tuple(sorted(f"image_{digit}" for digit in found))
+        if names:
+            return names
     # None can be read: the usual name, so that each frame reports its own calibration.
     return ("image_2",) if calibrations else ()

@@ -6,7 +6,6 @@ the rectified camera 0; `Tr` of calib.txt carries them to the LiDAR, in a world 
 frame at the first pose.
 """
 
-import re
 from pathlib import Path
 
 from intervis.arrays import Float64Array
@@ -18,34 +17,23 @@ from intervis.drives.calibration import (
     size_of_pictures,
 )
 from intervis.drives.drive import Drive
-from intervis.drives.numbering import lines_by_number, numbered_files
+from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
 from intervis.drives.trajectory import known_timestamps, lidar_poses, read_poses, read_seconds
-from intervis.errors import DriveError
 
 EXPECTED_FILES = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
 
 
-def find_root(path: Path) -> Path | None:
-    """The sequence's folder: `path` itself, or the only one under ``sequences``.
-
-    Raises
-    ------
-    DriveError
-        There are several sequences.
-    """
+def find_roots(path: Path) -> list[Path]:
+    """Folders of sequences: `path` itself, or those under its ``sequences``."""
     if _is_sequence(path):
-        return path
-    sequences = [
+        return [path]
+    return [
         folder
         for parent in (path, path / "sequences", path / "dataset" / "sequences")
         if parent.name == "sequences" and parent.is_dir()
         for folder in sorted(parent.iterdir())
         if _is_sequence(folder)
     ]
-    if len(sequences) > 1:
-        names = ", ".join(str(folder.relative_to(path)) for folder in sequences[:8])
-        raise DriveError(f"{path} holds {len(sequences)} sequences, name one of them: {names}.")
-    return sequences[0] if sequences else None
 
 
 def _is_sequence(folder: Path) -> bool:
@@ -56,18 +44,16 @@ def _is_sequence(folder: Path) -> bool:
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The sequence in a folder that `find_root` has found."""
-    scans = numbered_files(root / "velodyne", ".bin")
-    if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {EXPECTED_FILES}.")
+    """The sequence in a folder that `find_roots` returned."""
+    scans = numbered_scans(root, "velodyne", EXPECTED_FILES)
     numbers = list(scans)
     pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
     pose_path = _pose_file(root)
     calibration = None
     if pictured or pose_path or (root / "calib.txt").is_file():
         calibration = read_calibration_file(root / "calib.txt")
-    names = _camera_names(calibration)
-    chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
+    names = calibration.camera_names("P") if calibration else ()
+    chosen = pick_camera(camera, names, pictured, root)
     images = numbered_files(root / chosen, ".png") if chosen else {}
     camera_calibration, poses = None, None
     metadata_files = [root / "calib.txt"] if calibration else []
@@ -101,14 +87,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
 
 def cam_from_velo(calibration: CalibrationFile) -> Float64Array:
     """Rectified camera 0 from the LiDAR: the line `Tr`."""
-    return calibration.motion("Tr", calibration.matrix("Tr", 3, 4))
-
-
-def _camera_names(calibration: CalibrationFile | None) -> tuple[str, ...]:
-    keys = calibration.lines if calibration else ()
-    return tuple(
-        sorted(f"image_{match[1]}" for key in keys if (match := re.fullmatch(r"P(\d+)", key)))
-    )
+    return calibration.rigid_motion("Tr")
 
 
 def _pose_file(root: Path) -> Path | None:

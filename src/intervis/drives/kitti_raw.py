@@ -8,8 +8,6 @@ estimated LiDAR poses (KITTI's odometry format; they take precedence over oxts).
 import logging
 from pathlib import Path
 
-import numpy as np
-
 from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
     RAW_FILES,
@@ -20,49 +18,37 @@ from intervis.drives.calibration import (
     read_calibration_file,
 )
 from intervis.drives.drive import Drive
-from intervis.drives.numbering import lines_by_number, numbered_files
+from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
 from intervis.drives.trajectory import (
     known_timestamps,
     poses_from_oxts,
     read_poses,
     read_timestamps,
 )
-from intervis.errors import DriveError
 
 log = logging.getLogger(__name__)
 
 EXPECTED_FILES = "velodyne_points/data/*.bin (KITTI raw)"
 
 
-def find_root(path: Path) -> Path | None:
-    """The drive's folder: `path` itself, or the only drive in it (a date, or a folder of dates).
-
-    Raises
-    ------
-    DriveError
-        There are several drives.
-    """
+def find_roots(path: Path) -> list[Path]:
+    """Folders of drives: `path` itself, or those in it (a date, or a folder of dates)."""
     for pattern in ("velodyne_points", "*/velodyne_points", "*/*/velodyne_points"):
         drives = sorted(folder.parent for folder in path.glob(pattern) if folder.is_dir())
-        if len(drives) > 1:
-            names = ", ".join(str(drive.relative_to(path)) for drive in drives[:8])
-            raise DriveError(f"{path} holds {len(drives)} drives, name one of them: {names}.")
         if drives:
-            return drives[0]
-    return None
+            return drives
+    return []
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The drive in a folder that `find_root` has found."""
-    scans = numbered_files(root / "velodyne_points" / "data", ".bin")
-    if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {EXPECTED_FILES}.")
+    """The drive in a folder that `find_roots` returned."""
+    scans = numbered_scans(root, "velodyne_points/data", EXPECTED_FILES)
     date, numbers = root.parent, list(scans)
     pictured = {folder.parent.name for folder in root.glob("image_*/data") if folder.is_dir()}
     names: tuple[str, ...] = ()
     if pictured or all((date / file).is_file() for file in RAW_FILES):
         names = raw_camera_names(date)
-    chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
+    chosen = pick_camera(camera, names, pictured, root)
     calibration = raw_camera_calibration(date, chosen) if chosen else None
     images = numbered_files(root / chosen / "data", ".png") if chosen else {}
     if calibration:
@@ -98,10 +84,7 @@ def _read_poses(
     if not records:
         return None, []
     imu = root.parent / "calib_imu_to_velo.txt"
-    calibration = read_calibration_file(imu)
-    velo_from_imu = calibration.motion(
-        "R", np.hstack([calibration.matrix("R", 3, 3), calibration.matrix("T", 3, 1)])
-    )
+    velo_from_imu = read_calibration_file(imu).rotation_and_translation()
     return poses_from_oxts(records, velo_from_imu), [imu, *records.values()]
 
 

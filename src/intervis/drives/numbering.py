@@ -43,6 +43,20 @@ def numbered_files(folder: Path, ending: str) -> dict[int, Path]:
     return dict(sorted(files.items()))
 
 
+def numbered_scans(root: Path, folder: str, expected_files: str) -> dict[int, Path]:
+    """The ``.bin`` scans in one folder of a KITTI drive, by number.
+
+    Raises
+    ------
+    DriveError
+        There are none, or two carry the same number.
+    """
+    scans = numbered_files(root / folder, ".bin")
+    if not scans:
+        raise DriveError(f"{root} holds no scans: looked for {expected_files}.")
+    return scans
+
+
 def numbered_by_name(paths: Iterable[Path]) -> dict[int, Path]:
     """Files by the last run of digits in their names; in sorted order where that is no number.
 

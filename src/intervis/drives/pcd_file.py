@@ -56,14 +56,11 @@ def _promised_points(path: Path) -> int:
     pypcd4 takes the header's word for it: a short file would come back short, and a wild number
     would be allocated.
     """
-    try:
-        with path.open("rb") as file:
-            header = _read_header(file)
-            start = file.tell()
-            packed_sizes = file.read(8)
-            data_bytes = file.seek(0, 2) - start
-    except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {error.strerror}.") from None
+    with path.open("rb") as file:
+        header = _read_header(file)
+        start = file.tell()
+        packed_sizes = file.read(8)
+        data_bytes = file.seek(0, 2) - start
     missing = [key for key in ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA") if not header.get(key)]
     if missing:
         raise ScanError(f"the scan {path} is no PCD file: its header has no {' '.join(missing)}.")

@@ -54,8 +54,6 @@ def read_ply(path: Path) -> Scan:
             table = _read_vertices(file, order, elements)
     except _BrokenError as error:
         raise ScanError(f"the scan {path} is no readable PLY file: {error}.") from None
-    except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {error.strerror}.") from None
     return scan_of_table(path, table)
 
 

@@ -48,12 +48,8 @@ def scan_of_rows(path: Path, rows: NDArray[Any], names: tuple[str, ...] = ()) ->
     ScanError
         There is no row.
     """
-    if len(rows) == 0:
-        raise ScanError(f"the scan {path} holds no points.")
-    return Scan(
-        _float32(path, rows[:, :3]),
-        {name: np.ascontiguousarray(rows[:, 3 + column]) for column, name in enumerate(names)},
-    )
+    others = {name: rows[:, column] for column, name in enumerate(names, start=3)}
+    return _scan(path, rows[:, :3], others)
 
 
 def scan_of_table(path: Path, table: NDArray[Any]) -> Scan:
@@ -70,11 +66,15 @@ def scan_of_table(path: Path, table: NDArray[Any]) -> Scan:
         raise ScanError(
             f"the scan {path} has no {' '.join(missing)}: its points carry {' '.join(names)}."
         )
-    if len(table) == 0:
-        raise ScanError(f"the scan {path} holds no points.")
     xyz = np.column_stack([table[axis] for axis in "xyz"])
-    others = [name for name in names if name not in "xyz"]
-    return Scan(_float32(path, xyz), {name: np.ascontiguousarray(table[name]) for name in others})
+    return _scan(path, xyz, {name: table[name] for name in names if name not in "xyz"})
+
+
+def _scan(path: Path, xyz: NDArray[Any], others: Mapping[str, NDArray[Any]]) -> Scan:
+    if len(xyz) == 0:
+        raise ScanError(f"the scan {path} holds no points.")
+    columns = {name: np.ascontiguousarray(column) for name, column in others.items()}
+    return Scan(_float32(path, xyz), columns)
 
 
 def _float32(path: Path, xyz: NDArray[Any]) -> Float32Array:

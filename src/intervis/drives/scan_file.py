@@ -17,7 +17,7 @@ def read_bin(path: Path) -> Scan:
     Raises
     ------
     ScanError
-        The file cannot be read, is empty, or ends in the middle of a point.
+        The file holds no point, or ends in the middle of one.
     """
     return _read_float32_rows(path, ("intensity",))
 
@@ -33,14 +33,14 @@ def read_npy(path: Path) -> Scan:
     Raises
     ------
     ScanError
-        The file cannot be read, is no plain array (pickled objects are never loaded), has another
-        shape or type, or holds no point.
+        The file is no plain array (pickled objects are never loaded), has another shape or type,
+        or holds no point.
     """
     try:
         # Mapped, not loaded: a header that promises more than the file holds is found out for free.
         rows = np.load(path, mmap_mode="r", allow_pickle=False)
-    except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
+    except OSError:
+        raise
     except Exception as error:  # numpy hands a broken header to Python's parser: anything may come
         raise ScanError(f"the scan {path} is no readable .npy array: {_brief(error)}.") from None
     if not isinstance(rows, np.ndarray):
@@ -82,29 +82,29 @@ def read_scan(path: Path) -> Scan:
     Raises
     ------
     ScanError
-        The ending is unknown, the file is empty, or it is not what its ending says.
+        The ending is unknown, or the file cannot be read, is empty or is not in the format of its
+        ending.
     """
     ending = scan_ending(path)
     if ending is None:
         raise ScanError(f"{path} is no scan: its name must end in {' '.join(READERS)}.")
-    if path.is_file() and path.stat().st_size == 0:
-        raise ScanError(f"the scan {path} holds no points: the file is empty.")
-    return READERS[ending](path)
+    try:
+        if path.is_file() and path.stat().st_size == 0:
+            raise ScanError(f"the scan {path} holds no points: the file is empty.")
+        return READERS[ending](path)
+    except OSError as error:
+        raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
 
 
 def _read_float32_rows(path: Path, names: tuple[str, ...]) -> Scan:
     columns = 3 + len(names)
-    try:
-        size_bytes = path.stat().st_size
-        if size_bytes % (4 * columns):
-            raise ScanError(
-                f"the scan {path} is truncated: its {size_bytes} bytes are no multiple of"
-                f" {4 * columns}, the {columns} float32 numbers of a point."
-            )
-        values = np.fromfile(path, dtype="<f4")
-    except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
-    return scan_of_rows(path, values.reshape(-1, columns), names)
+    size_bytes = path.stat().st_size
+    if size_bytes % (4 * columns):
+        raise ScanError(
+            f"the scan {path} is truncated: its {size_bytes} bytes are no multiple of"
+            f" {4 * columns}, the {columns} float32 numbers of a point."
+        )
+    return scan_of_rows(path, np.fromfile(path, dtype="<f4").reshape(-1, columns), names)
 
 
 def _brief(error: Exception) -> str:

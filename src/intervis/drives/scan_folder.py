@@ -24,13 +24,13 @@ from intervis.errors import CalibrationError, DriveError
 EXPECTED_FILES = f"scans ending in {' '.join(READERS)}, in it or in scans/ (a folder of scans)"
 
 
-def find_root(path: Path) -> Path | None:
+def find_roots(path: Path) -> list[Path]:
     """`path`, if there are scans in it or in its ``scans``."""
-    return path if _scans(path) else None
+    return [path] if _scans(path) else []
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The scans of a folder that `find_root` has found."""
+    """The scans of a folder that `find_roots` returned."""
     paths = _scans(root)
     endings = Counter(scan_ending(path) for path in paths)
     if len(endings) > 1:
