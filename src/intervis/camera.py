@@ -1,11 +1,14 @@
 """A pinhole camera as KITTI rectifies it: a 3x4 projection matrix and an image size."""
 
+from __future__ import annotations  # help() shows the names of the array types
+
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.errors import CameraError
+from intervis.transform import inverse, transform
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,3 +87,16 @@ class Camera:
         """(3,) the camera's own centre in rectified coordinates: where the projection is 0."""
         solved = np.linalg.solve(self.projection[:, :3], self.projection[:, 3])
         return np.asarray(-solved, dtype=np.float64)
+
+
+def default_viewpoint(camera: Camera | None, cam_from_velo: Float64Array | None) -> Float64Array:
+    """(3,) the camera's centre, sensor frame, metres; the sensor itself where there is no camera.
+
+    Examples
+    --------
+    >>> default_viewpoint(None, None).tolist()
+    [0.0, 0.0, 0.0]
+    """
+    if camera is None or cam_from_velo is None:
+        return np.zeros(3)
+    return transform(inverse(cam_from_velo), camera.centre_cam)

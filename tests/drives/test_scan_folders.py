@@ -177,3 +177,32 @@ def test_fingerprint_notices_a_changed_input(tmp_path, change):
     else:
         (root / "image_02/data/0000000001.png").unlink()
     assert open_drive(root).fingerprint()["digest"] != before["digest"]
+
+
+# --- what a person reads ---
+
+
+def test_reprs_name_what_is_there_and_print_no_points(tmp_path):
+    root = write_kitti_raw(tmp_path, scans=(0, 1, 2, 1500), images=(0,))
+    start = f"<Drive {root.name}: KITTI raw, 4 frames 0-1500, camera image_02"
+    assert repr(open_drive(root)) == f"{start}>"
+    write_text(root / "poses.txt", "\n".join(pose_line(n) for n in range(4)))
+    write_text(root / "velodyne_points/timestamps.txt", "2011-09-26 13:02:25\n" * 4)
+    drive = open_drive(root)
+    assert repr(drive) == f"{start}, poses, timestamps>"
+    assert repr(drive[0]) == "<Frame 0: 5 points, camera image_02, image, pose, timestamp>"
+    assert repr(drive[1]) == "<Frame 1: 5 points, camera image_02, pose, timestamp>"
+    write_scan(tmp_path / "17.bin", 17, count=1234)
+    single = open_drive(tmp_path / "17.bin")
+    assert repr(single) == "<Drive 17.bin: single scan, frame 0>"
+    assert repr(single[0]) == "<Frame 0: 1,234 points>"
+
+
+def test_the_default_viewpoint_is_the_cameras_centre_or_the_sensor(tmp_path):
+    # By hand. P_rect_03's last column is -350 = -700 * 0.5: the camera is 0.5 m along x of the
+    # rectified frame. R_rect_00 maps (x, y, z) to (y, -x, z): 0.5 m along the unrectified y, which
+    # points down. Unrectified camera 0 is 0.27 m ahead of the LiDAR and 0.08 m below it.
+    root = write_kitti_raw(tmp_path)
+    assert np.allclose(open_drive(root, camera="3")[0].viewpoint_velo, [0.27, 0, -0.08 - 0.5])
+    write_scan(tmp_path / "0.bin", 0)
+    assert open_drive(tmp_path / "0.bin")[0].viewpoint_velo.tolist() == [0, 0, 0]

@@ -1,5 +1,7 @@
 """A drive: frames by their numbers, read when they are asked for."""
 
+from __future__ import annotations  # help() shows the names of the array types
+
 import hashlib
 import operator
 from bisect import bisect_left
@@ -19,7 +21,7 @@ SAMPLE_BYTES = 4096
 """How much of the middle of each scan `Drive.fingerprint` looks at."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Drive:
     """A sequence of scans with what is known about them; made by `intervis.open_drive`.
 
@@ -54,20 +56,31 @@ class Drive:
     root: Path
     name: str
     layout: str
-    scan_paths: Mapping[int, Path] = field(repr=False)
-    image_paths: Mapping[int, Path] = field(default_factory=dict, repr=False)
+    scan_paths: Mapping[int, Path]
+    image_paths: Mapping[int, Path] = field(default_factory=dict)
     camera_names: tuple[str, ...] = ()
     camera_name: str | None = None
-    calibration: CameraCalibration | Callable[[int], CameraCalibration] | None = field(
-        default=None, repr=False
-    )
-    poses: Mapping[int, Float64Array] | None = field(default=None, repr=False)
-    timestamps_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
-    metadata_files: tuple[Path, ...] = field(default=(), repr=False)
-    frame_numbers: tuple[int, ...] = field(init=False, repr=False)
+    calibration: CameraCalibration | Callable[[int], CameraCalibration] | None = None
+    poses: Mapping[int, Float64Array] | None = None
+    timestamps_ns: Mapping[int, int] = field(default_factory=dict)
+    metadata_files: tuple[Path, ...] = ()
+    frame_numbers: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frame_numbers", tuple(sorted(self.scan_paths)))
+
+    def __repr__(self) -> str:
+        numbers = self.frame_numbers
+        if len(numbers) > 1:
+            frames = f"{len(numbers):,} frames {numbers[0]}-{numbers[-1]}"
+        else:
+            frames = f"frame {numbers[0]}" if numbers else "no frames"
+        known = [self.layout.replace("kitti", "KITTI").replace("_", " "), frames]
+        if self.camera_name is not None:
+            known.append(f"camera {self.camera_name}")
+        known += ["poses"] if self.poses else []
+        known += ["timestamps"] if self.timestamps_ns else []
+        return f"<Drive {self.name}: {', '.join(known)}>"
 
     @property
     def camera(self) -> Camera | None:

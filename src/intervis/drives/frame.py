@@ -1,5 +1,7 @@
 """One moment of a drive: a scan, what its points carry, and where camera and vehicle were."""
 
+from __future__ import annotations  # help() shows the names of the array types
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arrays import Float32Array, Float64Array
-from intervis.camera import Camera
+from intervis.camera import Camera, default_viewpoint
 from intervis.errors import DriveError, MissingExtraError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Frame:
     """One frame of a drive.
 
@@ -36,6 +38,11 @@ class Frame:
         The camera's picture of this moment.
     scan_path : Path or None
         The file the points came from.
+
+    Examples
+    --------
+    >>> Frame(number=17, points=np.zeros((121_403, 3), np.float32), pose=np.eye(4))
+    <Frame 17: 121,403 points, pose>
     """
 
     number: int
@@ -47,6 +54,20 @@ class Frame:
     timestamp_ns: int | None = None
     image_path: Path | None = None
     scan_path: Path | None = None
+
+    def __repr__(self) -> str:
+        known = [f"{len(self.points):,} points"]
+        if self.camera is not None:
+            known.append(f"camera {self.camera.name}")
+        known += ["image"] if self.image_path is not None else []
+        known += ["pose"] if self.pose is not None else []
+        known += ["timestamp"] if self.timestamp_ns is not None else []
+        return f"<Frame {self.number}: {', '.join(known)}>"
+
+    @property
+    def viewpoint_velo(self) -> Float64Array:
+        """(3,) default viewpoint, sensor frame, metres: the camera's centre, else the sensor."""
+        return default_viewpoint(self.camera, self.cam_from_velo)
 
     @property
     def image(self) -> NDArray[np.uint8] | None:
