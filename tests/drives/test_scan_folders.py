@@ -32,7 +32,7 @@ def test_scans_are_numbered_by_their_names(tmp_path, place):
         assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
         assert frame.pose[0, 3] == frame.number
         assert frame.camera is None
-    with pytest.raises(DriveError, match="has no camera '2': it has none"):
+    with pytest.raises(DriveError, match="has no camera '2'; available cameras: none"):
         open_drive(tmp_path, camera="2")
 
 
@@ -41,7 +41,7 @@ def test_names_without_numbers_are_taken_in_order_and_said(tmp_path, caplog, nam
     for number, name in enumerate(sorted(names)):
         write_scan(tmp_path / f"{name}.bin", number)
     drive = open_drive(tmp_path)
-    assert "give no frame numbers" in caplog.text
+    assert "contain no unique frame numbers" in caplog.text
     assert drive.frame_numbers == (0, 1, 2)
     for frame in drive:
         assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
@@ -71,7 +71,7 @@ def test_mixed_formats_are_refused(tmp_path):
     write_scan(tmp_path / "0.bin", 0)
     write_scan(tmp_path / "1.bin", 0)
     np.save(tmp_path / "2.npy", np.zeros((3, 3)))
-    with pytest.raises(DriveError, match=r"mixes scans of several formats \(2 \.bin, 1 \.npy\)"):
+    with pytest.raises(DriveError, match=r"holds scans of several formats \(2 \.bin, 1 \.npy\)"):
         open_drive(tmp_path)
 
 
@@ -96,7 +96,7 @@ def test_a_single_scan_is_frame_0(tmp_path):
     assert (drive.layout, drive.name, drive.frame_numbers) == ("single_scan", "000042.bin", (0,))
     assert np.array_equal(drive[0].points, scan_rows(3)[:, :3])
     assert drive.poses is None
-    with pytest.raises(DriveError, match="no camera 'image_02': a single scan has none"):
+    with pytest.raises(DriveError, match="no camera 'image_02': it is a single scan"):
         open_drive(tmp_path / "000042.bin", camera="image_02")
 
 
@@ -114,7 +114,7 @@ def test_an_empty_folder(tmp_path):
 
 
 def test_a_file_of_another_kind(tmp_path):
-    with pytest.raises(DriveError, match=r"notes\.txt is no scan: its name must end in .*\.bin"):
+    with pytest.raises(DriveError, match=r"notes\.txt is not a scan: its name must end in .*\.bin"):
         open_drive(write_text(tmp_path / "notes.txt", "hello"))
 
 

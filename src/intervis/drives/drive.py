@@ -1,4 +1,4 @@
-"""A drive: frames by their numbers, read when they are asked for."""
+"""A drive: frames by frame number, each read from disk when it is accessed."""
 
 from __future__ import annotations  # help() shows the names of the array types
 
@@ -18,14 +18,15 @@ from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError
 
 SAMPLE_BYTES = 4096
-"""How much of the middle of each scan `Drive.fingerprint` looks at."""
+"""Bytes from the middle of each scan that enter `Drive.fingerprint`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drive:
-    """A sequence of scans with what is known about them; made by `intervis.open_drive`.
+    """A sequence of scans with camera, poses and timestamps; made by `intervis.open_drive`.
 
-    Nothing but names and small files is held: a drive of any length takes the memory of one frame.
+    A drive holds paths and the content of small files. Scans and images are read when a frame is
+    accessed, and are not kept.
 
     Attributes
     ----------
@@ -36,21 +37,21 @@ class Drive:
     layout : str
         ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``scan_folder`` or ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
-        Files by frame number; a frame may lack its image.
+        Files by frame number; a frame may have no image.
     camera_names : tuple of str
-        Every camera that `open_drive` could have chosen.
+        Cameras that `open_drive` can select.
     camera_name : str or None
-        The chosen one.
+        The selected camera.
     calibration : CameraCalibration, or function of a frame number to CameraCalibration, or None
-        Of the chosen camera: the same for all frames, or one for each frame.
+        Of the selected camera: one for all frames, or one for each frame.
     poses : mapping of int to (4, 4) float64 array, or None
         world_from_velo by frame number.
     timestamps_ns : mapping of int to int
-        Time of the scan by frame number, nanoseconds.
+        Time of each scan by frame number, nanoseconds.
     metadata_files : tuple of Path
-        Calibration, poses and times.
+        The files that calibration, poses and timestamps were read from.
     frame_numbers : tuple of int
-        Sorted numbers of the frames that have a scan.
+        Numbers of the frames that have a scan, sorted.
     """
 
     root: Path
@@ -84,12 +85,12 @@ class Drive:
 
     @property
     def camera(self) -> Camera | None:
-        """The chosen camera; where each frame has its own calibration, the first readable one.
+        """The selected camera; of the first readable frame where frames have own calibrations.
 
         Raises
         ------
         CalibrationError
-            No frame's calibration can be read.
+            The calibration of no frame can be read.
         """
         unreadable: DriveError | None = None
         for number in self.frame_numbers:
@@ -99,16 +100,16 @@ class Drive:
                 unreadable = unreadable or error
                 continue
             return None if calibration is None else calibration.camera
-        assert unreadable is not None  # a drive has at least one frame
+        assert unreadable is not None  # there is at least one frame
         raise unreadable
 
     def calibration_of(self, number: int) -> CameraCalibration | None:
-        """Camera and cam_from_velo of one frame; None where the drive has no camera.
+        """Camera and extrinsics of one frame; None where the drive has no camera.
 
         Raises
         ------
         CalibrationError
-            This frame's own calibration is missing or does not parse.
+            The frame's own calibration is missing or does not parse.
         """
         return self.calibration(number) if callable(self.calibration) else self.calibration
 
@@ -122,21 +123,21 @@ class Drive:
         return (self[number] for number in self.frame_numbers)
 
     def __getitem__(self, number: int) -> Frame:
-        """The frame of this NUMBER, read now.
+        """Read the frame with this frame NUMBER.
 
         Raises
         ------
         DriveError
-            There is no such frame; names the range and the nearest numbers.
+            There is no such frame; the message names the range and the nearest numbers.
         ScanError
-            Its scan cannot be read, is truncated or empty.
+            The scan cannot be read, or is truncated or empty.
         CalibrationError
-            Its own calibration cannot be read (layouts with one for each frame).
+            The frame's own calibration cannot be read (layouts with one for each frame).
         """
         try:
             number = operator.index(number)
         except TypeError:
-            raise DriveError(f"frames are asked for by their number, not by {number!r}.") from None
+            raise DriveError(f"a frame number must be an integer, got {number!r}.") from None
         if number not in self.scan_paths:
             raise DriveError(self._no_such_frame(number))
         scan = read_scan(self.scan_paths[number])
@@ -155,7 +156,9 @@ class Drive:
         )
 
     def fingerprint(self) -> dict[str, Any]:
-        """What this drive is, cheaply: a changed input changes it, another place on disk does not.
+        """Identification of the drive's content, independent of its place on disk.
+
+        Only a part of each scan is read, so that long drives take little time.
 
         Returns
         -------

@@ -1,7 +1,7 @@
-"""KITTI object: single scans with an image and a calibration of their own, and no poses.
+"""KITTI object: single scans, each with an own image and calibration, without poses.
 
 ``training/velodyne/NNNNNN.bin``, ``training/image_2/NNNNNN.png``, ``training/calib/NNNNNN.txt``.
-The frames are no sequence: neighbours in number are years and streets apart.
+The frames are not a sequence: successive numbers are unrelated places and times.
 """
 
 from collections.abc import Mapping
@@ -10,9 +10,9 @@ from pathlib import Path
 
 from intervis.drives.calibration import (
     CameraCalibration,
+    image_size_px,
     pick_camera,
     read_calibration_file,
-    size_of_pictures,
 )
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import numbered_files, numbered_scans
@@ -32,16 +32,16 @@ def find_roots(path: Path) -> list[Path]:
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The frames in a folder that `find_roots` returned."""
+    """Read the drive in a folder that `find_roots` returned."""
     scans = numbered_scans(root, "velodyne", EXPECTED_FILES)
     calibrations = numbered_files(root / "calib", ".txt")
-    pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
-    if pictured and not calibrations:
+    with_images = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
+    if with_images and not calibrations:
         raise CalibrationError(
-            f"{root} has images and no calibration: each frame needs a file in {root / 'calib'}."
+            f"{root} has images but no calibration; each frame needs a file in {root / 'calib'}."
         )
     names = _camera_names(calibrations, scans)
-    chosen = pick_camera(camera, names, pictured, root)
+    chosen = pick_camera(camera, names, with_images, root)
     images = numbered_files(root / chosen, ".png") if chosen else {}
     return Drive(
         root=root,
@@ -60,26 +60,26 @@ def read_drive(root: Path, camera: str | None) -> Drive:
 
 @dataclass(frozen=True)
 class ObjectCalibrations:
-    """The camera of each frame, read from that frame's calibration and picture."""
+    """Camera and extrinsics of each frame, from the frame's calibration file and image."""
 
     folder: Path
     name: str
-    calibrations: Mapping[int, Path]
+    files: Mapping[int, Path]
     images: Mapping[int, Path]
 
     def __call__(self, number: int) -> CameraCalibration:
         """Camera and cam_from_velo = R0_rect Tr_velo_to_cam of one frame."""
-        missing = self.folder / f"{number:06d}.txt"
-        calibration = read_calibration_file(self.calibrations.get(number, missing))
+        missing = self.folder / f"{number:06d}.txt"  # for the error message
+        calibration = read_calibration_file(self.files.get(number, missing))
         own = {number: self.images[number]} if number in self.images else {}
         key = self.name.replace("image_", "P")
-        camera = calibration.camera(key, size_of_pictures(own), self.name)
+        camera = calibration.camera(key, image_size_px(own), self.name)
         unrectified_from_velo = calibration.rigid_motion("Tr_velo_to_cam")
         return CameraCalibration(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
 
 
 def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -> tuple[str, ...]:
-    """Cameras of the first calibration that can be read; a broken one is its own frame's matter."""
+    """Cameras in the first readable calibration; broken files are reported with their frames."""
     for number in sorted(calibrations.keys() & scans.keys()):
         try:
             names = read_calibration_file(calibrations[number]).camera_names("P")
@@ -87,5 +87,5 @@ def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -
             continue
         if names:
             return names
-    # None can be read: the usual name, so that each frame reports its own calibration.
+    # No file can be read: with the usual camera name, each frame reports its own file.
     return ("image_2",) if calibrations else ()

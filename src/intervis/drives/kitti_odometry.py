@@ -1,9 +1,8 @@
 """KITTI odometry (and SemanticKITTI): one folder for each sequence, poses of camera 0 beside them.
 
 ``sequences/NN/velodyne/*.bin``, ``.../image_2/*.png``, ``.../calib.txt``, ``.../times.txt``, and
-``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as SemanticKITTI has it). The poses are those of
-the rectified camera 0; `Tr` of calib.txt carries them to the LiDAR, in a world that is the LiDAR's
-frame at the first pose.
+``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as in SemanticKITTI). The files hold poses of the
+rectified camera 0. They are converted to LiDAR poses with the line `Tr` of calib.txt.
 """
 
 from pathlib import Path
@@ -12,9 +11,9 @@ from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
     CalibrationFile,
     CameraCalibration,
+    image_size_px,
     pick_camera,
     read_calibration_file,
-    size_of_pictures,
 )
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
@@ -39,27 +38,27 @@ def find_roots(path: Path) -> list[Path]:
 def _is_sequence(folder: Path) -> bool:
     if not (folder / "velodyne").is_dir():
         return False
-    told = any((folder / file).is_file() for file in ("calib.txt", "times.txt"))
-    return told or folder.parent.name == "sequences"
+    has_metadata = any((folder / file).is_file() for file in ("calib.txt", "times.txt"))
+    return has_metadata or folder.parent.name == "sequences"
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The sequence in a folder that `find_roots` returned."""
+    """Read the drive in a folder that `find_roots` returned."""
     scans = numbered_scans(root, "velodyne", EXPECTED_FILES)
     numbers = list(scans)
-    pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
+    with_images = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
     pose_path = _pose_file(root)
     calibration = None
-    if pictured or pose_path or (root / "calib.txt").is_file():
+    if with_images or pose_path or (root / "calib.txt").is_file():
         calibration = read_calibration_file(root / "calib.txt")
     names = calibration.camera_names("P") if calibration else ()
-    chosen = pick_camera(camera, names, pictured, root)
+    chosen = pick_camera(camera, names, with_images, root)
     images = numbered_files(root / chosen, ".png") if chosen else {}
     camera_calibration, poses = None, None
     metadata_files = [root / "calib.txt"] if calibration else []
     if calibration and chosen:
         key = chosen.replace("image_", "P")
-        model = calibration.camera(key, size_of_pictures(images), chosen)
+        model = calibration.camera(key, image_size_px(images), chosen)
         camera_calibration = CameraCalibration(model, cam_from_velo(calibration))
     if calibration and pose_path:
         poses_velo = lidar_poses(read_poses(pose_path), cam_from_velo(calibration))
@@ -86,10 +85,10 @@ def read_drive(root: Path, camera: str | None) -> Drive:
 
 
 def cam_from_velo(calibration: CalibrationFile) -> Float64Array:
-    """Rectified camera 0 from the LiDAR: the line `Tr`."""
+    """(4, 4) rectified camera 0 from the LiDAR: the line `Tr`."""
     return calibration.rigid_motion("Tr")
 
 
 def _pose_file(root: Path) -> Path | None:
-    places = (root.parent.parent / "poses" / f"{root.name}.txt", root / "poses.txt")
-    return next((place for place in places if place.is_file()), None)
+    paths = (root.parent.parent / "poses" / f"{root.name}.txt", root / "poses.txt")
+    return next((path for path in paths if path.is_file()), None)

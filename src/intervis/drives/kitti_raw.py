@@ -1,8 +1,8 @@
-"""KITTI raw: a date's calibration, and under it a drive with LiDAR, cameras and GPS/IMU.
+"""KITTI raw: a folder for a date with calibration, and in it drives with LiDAR, cameras, GPS/IMU.
 
 ``DATE/calib_*.txt``, ``DATE/DATE_drive_NNNN_sync/velodyne_points/data/*.bin``,
-``.../image_0K/data/*.png``, ``.../oxts/data/*.txt``, and ``.../poses.txt`` where somebody has
-estimated LiDAR poses (KITTI's odometry format; they take precedence over oxts).
+``.../image_0K/data/*.png``, ``.../oxts/data/*.txt``. An optional ``.../poses.txt`` (LiDAR poses in
+KITTI's odometry format) takes precedence over oxts.
 """
 
 import logging
@@ -11,11 +11,11 @@ from pathlib import Path
 from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
     RAW_FILES,
-    compare_sizes,
     pick_camera,
     raw_camera_calibration,
     raw_camera_names,
     read_calibration_file,
+    warn_of_other_size,
 )
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
@@ -32,7 +32,7 @@ EXPECTED_FILES = "velodyne_points/data/*.bin (KITTI raw)"
 
 
 def find_roots(path: Path) -> list[Path]:
-    """Folders of drives: `path` itself, or those in it (a date, or a folder of dates)."""
+    """Folders of drives: `path` itself, or the drives of a date or of a folder of dates."""
     for pattern in ("velodyne_points", "*/velodyne_points", "*/*/velodyne_points"):
         drives = sorted(folder.parent for folder in path.glob(pattern) if folder.is_dir())
         if drives:
@@ -41,20 +41,20 @@ def find_roots(path: Path) -> list[Path]:
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The drive in a folder that `find_roots` returned."""
+    """Read the drive in a folder that `find_roots` returned."""
     scans = numbered_scans(root, "velodyne_points/data", EXPECTED_FILES)
     date, numbers = root.parent, list(scans)
-    pictured = {folder.parent.name for folder in root.glob("image_*/data") if folder.is_dir()}
+    with_images = {folder.parent.name for folder in root.glob("image_*/data") if folder.is_dir()}
     names: tuple[str, ...] = ()
-    if pictured or all((date / file).is_file() for file in RAW_FILES):
+    if with_images or all((date / file).is_file() for file in RAW_FILES):
         names = raw_camera_names(date)
-    chosen = pick_camera(camera, names, pictured, root)
+    chosen = pick_camera(camera, names, with_images, root)
     calibration = raw_camera_calibration(date, chosen) if chosen else None
     images = numbered_files(root / chosen / "data", ".png") if chosen else {}
     if calibration:
-        compare_sizes(calibration.camera, images)
+        warn_of_other_size(calibration.camera, images)
     else:
-        log.info("%s has neither images nor calibration: it is read without a camera.", root)
+        log.info("%s has no images and no complete calibration: it is read without a camera.", root)
     poses, pose_files = _read_poses(root, numbers)
     timestamps_ns, timestamp_files = _read_timestamps(root, numbers)
     calibration_files = [date / file for file in RAW_FILES] if calibration else []
@@ -76,7 +76,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
 def _read_poses(
     root: Path, numbers: list[int]
 ) -> tuple[dict[int, Float64Array] | None, list[Path]]:
-    """LiDAR poses by frame number, and the files they came from."""
+    """LiDAR poses by frame number, and the files that they were read from."""
     estimated = root / "poses.txt"
     if estimated.is_file():
         return lines_by_number(read_poses(estimated), numbers, estimated), [estimated]
@@ -89,7 +89,7 @@ def _read_poses(
 
 
 def _read_timestamps(root: Path, numbers: list[int]) -> tuple[dict[int, int], list[Path]]:
-    """Times of the scans by frame number, and the file they came from."""
+    """Timestamps of the scans by frame number, and the file that they were read from."""
     path = root / "velodyne_points" / "timestamps.txt"
     if not path.is_file():
         return {}, []

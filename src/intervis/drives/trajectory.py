@@ -1,4 +1,4 @@
-"""Where and when: poses in KITTI's odometry format, GPS/IMU records (oxts), and times."""
+"""Poses and timestamps: KITTI's odometry format, GPS/IMU records (oxts), lists of times."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -12,23 +12,23 @@ from intervis.errors import CalibrationError, PoseError
 from intervis.transform import checked_pose, inverse, rigid
 
 EARTH_RADIUS_M = 6_378_137.0
-"""Of the sphere on which KITTI's Mercator projection works."""
+"""Radius of the sphere of KITTI's Mercator projection."""
 
 DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 
 
 def read_poses(path: Path) -> list[Float64Array]:
-    """Poses in KITTI's odometry format: twelve numbers a line, the first three rows of a 4x4.
+    """Read poses in KITTI's odometry format: each line holds the upper three rows of a 4x4 matrix.
 
     Returns
     -------
     list of (4, 4) float64 arrays
-        One for each line.
+        One pose for each line.
 
     Raises
     ------
     CalibrationError
-        A line does not parse or is no rigid motion; names file and line.
+        A line does not parse or is not a rigid motion; the message names file and line.
     """
     poses = []
     for line_number, line in enumerate(read_lines(path), start=1):
@@ -49,8 +49,9 @@ def poses_from_oxts(
 ) -> dict[int, Float64Array]:
     """LiDAR poses from KITTI raw's oxts records, one file for each frame.
 
-    The world is x east, y north, z up, with its origin at the first record's IMU. Positions come
-    from latitude and longitude by a Mercator projection true to scale at the first record.
+    The world frame is x east, y north, z up, with its origin at the IMU of the first record.
+    Positions come from latitude and longitude by a Mercator projection with scale 1 at the first
+    record.
     Source: KITTI raw development kit, convertOxtsToPose.
 
     Parameters
@@ -66,7 +67,7 @@ def poses_from_oxts(
     Raises
     ------
     CalibrationError
-        A record does not begin with six numbers: latitude and longitude in degrees, altitude in
+        A record does not start with six numbers: latitude and longitude in degrees, altitude in
         metres, roll, pitch and yaw in radians.
     """
     from scipy.spatial.transform import Rotation  # 0.4 s to import: only for drives with oxts
@@ -81,10 +82,10 @@ def poses_from_oxts(
             scale = float(np.cos(np.radians(latitude_deg)))
         east_m = scale * EARTH_RADIUS_M * np.radians(longitude_deg)
         north_m = scale * EARTH_RADIUS_M * np.log(np.tan(np.radians(90 + latitude_deg) / 2))
-        place = np.array([east_m, north_m, altitude_m])
-        origin = place if origin is None else origin
+        position = np.array([east_m, north_m, altitude_m])
+        origin = position if origin is None else origin
         rotation = Rotation.from_euler("xyz", angles_rad)  # fixed axes: roll, then pitch, then yaw
-        world_from_imu = rigid(rotation.as_matrix(), place - origin)
+        world_from_imu = rigid(rotation.as_matrix(), position - origin)
         poses[number] = world_from_imu @ imu_from_velo
     return poses
 
@@ -100,12 +101,12 @@ def _read_record(path: Path) -> tuple[float, ...]:
 
 
 def read_timestamps(path: Path) -> list[int | None]:
-    """KITTI raw's timestamps.txt as nanoseconds since 1970; None for a blank line.
+    """Read KITTI raw's timestamps.txt: nanoseconds since 1970, None for a blank line.
 
     Raises
     ------
     CalibrationError
-        A line is no date and time; names file and line.
+        A line is not a date and time; the message names file and line.
     """
     timestamps_ns: list[int | None] = []
     for line_number, line in enumerate(read_lines(path), start=1):
@@ -116,13 +117,13 @@ def read_timestamps(path: Path) -> list[int | None]:
             timestamps_ns.append(int(np.datetime64(text, "ns").astype(np.int64)) if text else None)
         except ValueError:
             raise CalibrationError(
-                f"{path}, line {line_number}: {text[:40]!r} is no date and time."
+                f"{path}, line {line_number}: {text[:40]!r} is not a date and time."
             ) from None
     return timestamps_ns
 
 
 def read_seconds(path: Path) -> list[int | None]:
-    """KITTI odometry's times.txt (seconds, one a line) as nanoseconds."""
+    """Read KITTI odometry's times.txt (one time in seconds a line): nanoseconds."""
     timestamps_ns: list[int | None] = []
     for line_number, line in enumerate(read_lines(path), start=1):
         values = parse_numbers(line, path, line_number)
@@ -140,7 +141,10 @@ def known_timestamps(timestamps_ns: Mapping[int, int | None]) -> dict[int, int]:
 def lidar_poses(
     world_from_cam: Sequence[Float64Array], cam_from_velo: Float64Array
 ) -> list[Float64Array]:
-    """Camera-0 poses as LiDAR poses, in a world that is the LiDAR's frame at the first of them.
+    """LiDAR poses from poses of camera 0.
+
+    KITTI's first camera pose is the identity. The world frame of the result is then the LiDAR's
+    frame at the first pose.
 
     Examples
     --------
