@@ -83,7 +83,7 @@ def finite_rows(points: FloatArray) -> BoolArray:
     >>> finite_rows(np.array([[0.0, 1.0, 2.0], [0.0, np.nan, 2.0]]))
     array([ True, False])
     """
-    # A float64 sum of coordinates is non-finite exactly when one of them is. It takes one pass and
-    # no (N, 3) mask.
+    # At metre scale a float64 sum cannot overflow: it is non-finite exactly when a term is. This
+    # takes one pass and no (N, 3) mask.
     total = points[:, 0].astype(np.float64) + points[:, 1] + points[:, 2]
     return np.isfinite(total)

@@ -33,7 +33,7 @@ def test_a_sequence_holds_what_its_files_hold(tmp_path):
     assert frame.timestamp_ns == 207_400_000
     assert frame.image_path.name == "000002.png"
     assert frame.pose is None
-    # The calibration tells no size: the pictures do.
+    # The calibration has no image size: it is read from an image.
     assert (frame.camera.width_px, frame.camera.height_px) == (62, 18)
     assert frame.camera.projection[0, 3] == 35
     # LiDAR point (10, 2, 1) in the camera, which is 0.27 m ahead and 0.08 m below: by hand.
@@ -43,7 +43,7 @@ def test_a_sequence_holds_what_its_files_hold(tmp_path):
 
 def test_camera_poses_become_lidar_poses(tmp_path):
     # By hand. The camera drives 10 m ahead and turns 90 degrees to the right: its z axis then lies
-    # along the old x, its x along the old -z. The LiDAR rides 0.27 m behind and 0.08 m above the
+    # along the old x, its x along the old -z. The LiDAR is 0.27 m behind and 0.08 m above the
     # camera: after the turn 0.27 m to the left of it. So the LiDAR is at
     # (0.27 + 10, 0 + 0.27, 0), and looks along -y.
     root = write_kitti_odometry(tmp_path)
@@ -83,8 +83,8 @@ def test_odometry_calibration_may_be_missing_only_where_nothing_needs_it(tmp_pat
     (root / "calib.txt").unlink()
     with pytest.raises(CalibrationError, match=r"calib\.txt is missing"):
         open_drive(root)
-    for picture in (root / "image_2").iterdir():
-        picture.unlink()
+    for image in (root / "image_2").iterdir():
+        image.unlink()
     (root / "image_2").rmdir()
     drive = open_drive(root)
     assert drive.camera is None
@@ -94,10 +94,10 @@ def test_odometry_calibration_may_be_missing_only_where_nothing_needs_it(tmp_pat
         open_drive(root)
 
 
-def test_without_pictures_kittis_size_is_taken_and_said(tmp_path, caplog):
+def test_without_images_kittis_size_is_used_and_logged(tmp_path, caplog):
     root = write_kitti_odometry(tmp_path)
-    for picture in (root / "image_2").iterdir():
-        picture.unlink()
+    for image in (root / "image_2").iterdir():
+        image.unlink()
     with caplog.at_level(logging.INFO):
         camera = open_drive(root).camera
     assert (camera.width_px, camera.height_px) == (1242, 375)
@@ -114,7 +114,7 @@ def test_without_pictures_kittis_size_is_taken_and_said(tmp_path, caplog):
         ("calib.txt", "P2: 1 2\n", r"calib\.txt, line 1: P2 needs 12 numbers, it has 2"),
     ],
 )
-def test_odometry_side_files_that_do_not_fit(tmp_path, file, text, message):
+def test_invalid_odometry_metadata_files(tmp_path, file, text, message):
     root = write_kitti_odometry(tmp_path)
     write_text(root / file, text)
     if message is None:
@@ -142,7 +142,7 @@ def test_object_frames_have_their_own_cameras(tmp_path, above):
     drive = open_drive(tmp_path if above else root)
     assert (drive.layout, drive.frame_numbers) == ("kitti_object", (0, 3))
     assert [drive[n].camera.fx_px for n in (0, 3)] == [700, 650]
-    assert [drive[n].camera.width_px for n in (0, 3)] == [60, 63]  # from each frame's picture
+    assert [drive[n].camera.width_px for n in (0, 3)] == [60, 63]  # from each frame's image
     assert drive.camera.fx_px == 700
     assert drive[3].pose is None
     assert np.array_equal(drive[3].points, scan_rows(3)[:, :3])
@@ -151,7 +151,7 @@ def test_object_frames_have_their_own_cameras(tmp_path, above):
     assert open_drive(root, camera="image_3")[3].camera.projection[0, 3] == -350
 
 
-def test_one_bad_calibration_is_its_own_frames_matter(tmp_path):
+def test_an_invalid_calibration_fails_its_own_frame_only(tmp_path):
     root = write_kitti_object(tmp_path, scans=(0, 1, 2))
     write_text(root / "calib/000000.txt", OBJECT_CALIBRATION.replace("R0_rect: 0", "R0_rect: o"))
     (root / "calib/000002.txt").unlink()
@@ -161,11 +161,11 @@ def test_one_bad_calibration_is_its_own_frames_matter(tmp_path):
     with pytest.raises(CalibrationError, match=r"000002\.txt is missing"):
         drive[2]
     assert drive[1].camera.fx_px == 700
-    assert drive.camera.width_px == 61  # of the first frame that has a readable one
+    assert drive.camera.width_px == 61  # of the first frame with a readable calibration
     assert drive.fingerprint()["camera"] == "image_2"
 
 
-def test_every_calibration_broken(tmp_path):
+def test_every_calibration_is_invalid(tmp_path):
     root = write_kitti_object(tmp_path)
     for path in (root / "calib").iterdir():
         path.write_text("nothing")
@@ -184,13 +184,13 @@ def test_object_images_without_calibration(tmp_path):
         open_drive(root)
 
 
-def test_an_object_frame_without_its_picture(tmp_path):
+def test_an_object_frame_without_its_image(tmp_path):
     root = write_kitti_object(tmp_path)
     (root / "image_2/000003.png").unlink()
     frame = open_drive(root)[3]
     assert frame.image_path is None
     assert (frame.camera.width_px, frame.camera.height_px) == (1242, 375)
-    (root / "image_2/000000.png").write_bytes(b"no picture")
+    (root / "image_2/000000.png").write_bytes(b"no image")
     with pytest.raises(DriveError, match=r"000000\.png is not a PNG image"):
         open_drive(root)[0]
 

@@ -1,4 +1,4 @@
-"""Scan formats: round trips against files written by other means, and every way to be broken."""
+"""Scan formats: files written by independent code are read back, and invalid files are refused."""
 
 import importlib.util
 import io
@@ -109,7 +109,7 @@ def test_endings():
 
 
 class Bomb:
-    """Unpickling this would end the test run."""
+    """Unpickling an instance would end the test run."""
 
     def __reduce__(self):
         return (sys.exit, ("a scan was unpickled",))
@@ -129,13 +129,13 @@ class Bomb:
         (np.array([[Bomb()] * 3], dtype=object), "not a readable .npy array"),
     ],
 )
-def test_a_npy_that_is_no_scan(tmp_path, array, message):
+def test_an_npy_array_that_is_not_a_scan(tmp_path, array, message):
     np.save(tmp_path / "a.npy", array, allow_pickle=True)
     with pytest.raises(ScanError, match=message):
         read_scan(tmp_path / "a.npy")
 
 
-def test_a_npy_that_is_something_else(tmp_path):
+def test_an_npy_file_of_another_format(tmp_path):
     path = tmp_path / "a.npy"
     path.write_bytes(b"\x93NUMPY\x01\x00garbage")
     with pytest.raises(ScanError, match=r"not a readable \.npy array"):
@@ -154,7 +154,7 @@ def test_a_pickle_under_the_name_of_a_scan_is_never_loaded(tmp_path):
         read_scan(path)
 
 
-def test_a_npy_that_promises_more_than_it_holds(tmp_path):
+def test_an_npy_header_that_declares_more_than_the_file_holds(tmp_path):
     path = tmp_path / "a.npy"
     np.save(path, np.zeros((100, 4), np.float32))
     path.write_bytes(path.read_bytes()[:-16])
@@ -170,7 +170,7 @@ def test_a_npy_that_promises_more_than_it_holds(tmp_path):
             read_scan(path)
 
 
-def test_coordinates_too_far_for_float32_are_warned_about(tmp_path, caplog):
+def test_coordinates_too_large_for_float32_cause_a_warning(tmp_path, caplog):
     path = tmp_path / "a.npy"
     np.save(path, np.array([[455_000.1, 5_428_000.2, 110.0], [1e300, 0, np.nan]]))
     with caplog.at_level(logging.WARNING):
@@ -242,7 +242,7 @@ def small_table(count=3):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_ply_elements_before_the_vertices_are_passed_over(tmp_path, form):
+def test_ply_elements_before_the_vertices_are_skipped(tmp_path, form):
     before = "element camera 2\nproperty float view_px\nproperty uchar kind"
     order = ">" if form == "binary_big_endian" else "<"
     data = b"1.5 7\n2.5 8\n" if form == "ascii" else struct.pack(order + "fBfB", 1.5, 7, 2.5, 8)
@@ -252,7 +252,7 @@ def test_ply_elements_before_the_vertices_are_passed_over(tmp_path, form):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_ply_cut_short(tmp_path, form):
+def test_truncated_ply(tmp_path, form):
     whole = ply_bytes(small_table(), form)
     path = tmp_path / "a.ply"
     path.write_bytes(whole[: -len("3 3.0 0.0 0.0 0\n") if form == "ascii" else -1])
@@ -287,7 +287,7 @@ def test_ply_cut_short(tmp_path, form):
         ("1.0 0.0 0.0 0", "1.0 0.0 0.0 99999", "its vertices do not parse"),
     ],
 )
-def test_ply_broken(tmp_path, old, new, message):
+def test_invalid_ply(tmp_path, old, new, message):
     text = ply_bytes(small_table(), "ascii").decode()
     assert old in text
     path = tmp_path / "a.ply"
@@ -304,7 +304,7 @@ def test_ply_header_without_end(tmp_path):
 
 
 @pytest.mark.parametrize("form", FORMS[1:])
-def test_ply_wild_counts_are_refused_not_allocated(tmp_path, form):
+def test_huge_ply_counts_are_refused_before_allocation(tmp_path, form):
     whole = ply_bytes(small_table(), form)
     path = tmp_path / "a.ply"
     path.write_bytes(whole.replace(b"element vertex 3", b"element vertex 999999999999"))
@@ -416,7 +416,7 @@ def test_pcd_padding_is_left_out_and_doubles_become_floats(tmp_path, pypcd4):
 
 
 @pytest.mark.parametrize("data", ENCODINGS)
-def test_pcd_cut_short(tmp_path, pypcd4, data):
+def test_truncated_pcd(tmp_path, pypcd4, data):
     whole = pcd_bytes(pcd_table(40), data)
     head = len(pcd_header(data, 40))
     for kept in (0, 4, 9, (len(whole) - head) // 2, len(whole) - head - 12):
@@ -463,7 +463,7 @@ def test_pcd_without_points(tmp_path, pypcd4, data):
         (b"WIDTH 7", b"WIDTH wide", "not a readable PCD file"),
     ],
 )
-def test_pcd_broken_header(tmp_path, pypcd4, data, old, new, message):
+def test_invalid_pcd_header(tmp_path, pypcd4, data, old, new, message):
     whole = pcd_bytes(pcd_table(), data)
     assert old in whole
     path = tmp_path / "a.pcd"
@@ -472,14 +472,14 @@ def test_pcd_broken_header(tmp_path, pypcd4, data, old, new, message):
         read_scan(path)
 
 
-def test_pcd_that_is_no_pcd(tmp_path, pypcd4):
+def test_random_bytes_are_not_a_pcd_file(tmp_path, pypcd4):
     path = tmp_path / "a.pcd"
     path.write_bytes(bytes(range(256)) * 50)
     with pytest.raises(ScanError, match=r"a\.pcd is not a PCD file: its header has no FIELDS SIZE"):
         read_scan(path)
 
 
-def test_pcd_broken_compression(tmp_path, pypcd4):
+def test_invalid_pcd_compression(tmp_path, pypcd4):
     whole = bytearray(pcd_bytes(pcd_table(200), "binary_compressed"))
     start = len(pcd_header("binary_compressed", 200)) + 8
     whole[start : start + 400] = b"\xff" * 400
@@ -490,7 +490,7 @@ def test_pcd_broken_compression(tmp_path, pypcd4):
 
 
 def assert_points_or_one_sentence(path, content):
-    """A file with noise in it gives rows of points or a ScanError that names it: nothing else."""
+    """A file with noise is read as points, or raises a one-line ScanError that names it."""
     path.write_bytes(content)
     message = ""
     try:

@@ -1,4 +1,4 @@
-"""Folders of scans, single files, what is no drive, and a drive's fingerprint."""
+"""Folders of scans, single scans, paths without a drive, fingerprints and reprs."""
 
 import json
 import logging
@@ -37,7 +37,7 @@ def test_scans_are_numbered_by_their_names(tmp_path, place):
 
 
 @pytest.mark.parametrize("names", [("b", "a", "c"), ("x1_v2", "x2_v2", "x3_v2"), ("1", "b", "2")])
-def test_names_without_numbers_are_taken_in_order_and_said(tmp_path, caplog, names):
+def test_names_without_unique_numbers_are_taken_in_order_with_a_warning(tmp_path, caplog, names):
     for number, name in enumerate(sorted(names)):
         write_scan(tmp_path / f"{name}.bin", number)
     drive = open_drive(tmp_path)
@@ -47,7 +47,7 @@ def test_names_without_numbers_are_taken_in_order_and_said(tmp_path, caplog, nam
         assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
 
 
-def test_numbered_names_say_nothing(tmp_path, caplog):
+def test_numbered_names_log_nothing(tmp_path, caplog):
     write_scan(tmp_path / "17.bin", 17)
     with caplog.at_level(logging.INFO):
         assert open_drive(tmp_path).frame_numbers == (17,)
@@ -100,7 +100,7 @@ def test_a_single_scan_is_frame_0(tmp_path):
         open_drive(tmp_path / "000042.bin", camera="image_02")
 
 
-# --- what is no drive ---
+# --- paths without a drive ---
 
 
 def test_nothing_there(tmp_path):
@@ -118,7 +118,7 @@ def test_a_file_of_another_kind(tmp_path):
         open_drive(write_text(tmp_path / "notes.txt", "hello"))
 
 
-def test_an_unknown_folder_says_what_was_looked_for_and_found(tmp_path):
+def test_an_unknown_folder_names_the_expected_and_the_found_files(tmp_path):
     for number in range(12):
         write_text(tmp_path / f"{number:02d}.laz", "")
     with pytest.raises(DriveError) as caught:
@@ -179,10 +179,10 @@ def test_fingerprint_notices_a_changed_input(tmp_path, change):
     assert open_drive(root).fingerprint()["digest"] != before["digest"]
 
 
-# --- what a person reads ---
+# --- reprs and viewpoint ---
 
 
-def test_reprs_name_what_is_there_and_print_no_points(tmp_path):
+def test_reprs_summarize_the_content_in_one_line(tmp_path):
     root = write_kitti_raw(tmp_path, scans=(0, 1, 2, 1500), images=(0,))
     start = f"<Drive {root.name}: KITTI raw, 4 frames 0-1500, camera image_02"
     assert repr(open_drive(root)) == f"{start}>"

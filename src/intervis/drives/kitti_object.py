@@ -79,7 +79,7 @@ class ObjectCalibrations:
 
 
 def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -> tuple[str, ...]:
-    """Cameras in the first readable calibration; broken files are reported with their frames."""
+    """Cameras in the first readable calibration; invalid files are reported with their frames."""
     for number in sorted(calibrations.keys() & scans.keys()):
         try:
             names = read_calibration_file(calibrations[number]).camera_names("P")
