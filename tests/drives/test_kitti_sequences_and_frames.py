@@ -104,6 +104,13 @@ def test_without_images_kittis_size_is_used_and_logged(tmp_path, caplog):
     assert "1242 x 375" in caplog.text
 
 
+def test_times_keep_nanoseconds(tmp_path):
+    root = write_kitti_odometry(tmp_path)
+    write_text(root / "times.txt", "-1.5\n1.037875019e-01\n")
+    drive = open_drive(root)
+    assert [drive[n].timestamp_ns for n in (0, 1)] == [-1_500_000_000, 103_787_502]
+
+
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [

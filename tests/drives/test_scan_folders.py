@@ -1,5 +1,6 @@
 """Folders of scans, single scans, paths without a drive, fingerprints and reprs."""
 
+import hashlib
 import json
 import logging
 import shutil
@@ -177,6 +178,21 @@ def test_fingerprint_notices_a_changed_input(tmp_path, change):
     else:
         (root / "image_02/data/0000000001.png").unlink()
     assert open_drive(root).fingerprint()["digest"] != before["digest"]
+
+
+def test_fingerprint_hashes_the_middle_of_each_scan_as_documented(tmp_path):
+    # 1001 points are 16016 bytes: the middle 4096 of them start at (16016 - 4096) / 2 = 5960.
+    root = write_kitti_raw(tmp_path, scans=(0, 2), images=(2,))
+    for number, count in ((0, 1001), (2, 3)):
+        write_scan(root / f"velodyne_points/data/{number:010d}.bin", number, count=count)
+    image_bytes = (root / "image_02/data/0000000002.png").stat().st_size
+    names = ("calib_cam_to_cam.txt", "calib_velo_to_cam.txt")
+    content = b"scan 0 16016\n" + scan_rows(0, 1001).tobytes()[5960 : 5960 + 4096]
+    content += b"scan 2 48\n" + scan_rows(2, 3).tobytes()
+    content += f"image 2 {image_bytes}\n".encode()
+    for name in names:
+        content += f"file {name}\n".encode() + (root.parent / name).read_bytes()
+    assert open_drive(root).fingerprint()["digest"] == hashlib.sha256(content).hexdigest()
 
 
 # --- reprs and viewpoint ---
