@@ -85,5 +85,6 @@ def finite_rows(points: FloatArray) -> BoolArray:
     """
     # At metre scale a float64 sum cannot overflow: it is non-finite exactly when a term is. This
     # takes one pass and no (N, 3) mask.
-    total = points[:, 0].astype(np.float64) + points[:, 1] + points[:, 2]
+    with np.errstate(invalid="ignore"):  # inf - inf
+        total = points[:, 0].astype(np.float64) + points[:, 1] + points[:, 2]
     return np.isfinite(total)

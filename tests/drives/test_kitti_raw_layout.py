@@ -17,6 +17,7 @@ from drive_layouts import (
 )
 
 from intervis.drives import Frame, open_drive
+from intervis.drives.calibration import png_size_px
 from intervis.errors import CalibrationError, DriveError, ScanError
 
 
@@ -166,6 +167,23 @@ def test_images_of_another_size_cause_one_warning(tmp_path, caplog):
     assert "40 x 20 pixels, but its calibration gives 64 x 32" in caplog.text
     assert frames[0].camera.width_px == 64
     assert frames[0].image.shape == (20, 40, 3)
+
+
+def test_the_size_of_a_png_is_two_big_endian_numbers_of_four_bytes(tmp_path):
+    path = tmp_path / "large.png"
+    header = b"\x89PNG\r\n\x1a\n" + bytes([0, 0, 0, 13]) + b"IHDR"
+    path.write_bytes(header + bytes([1, 2, 3, 4, 5, 6, 7, 8]))
+    assert png_size_px(path) == (0x01020304, 0x05060708)
+    for content in (
+        b"",
+        header,
+        header + bytes(7),
+        b"x" * 24,
+        header.replace(b"IHDR", b"IDAT") + bytes(8),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(DriveError, match="is not a PNG image"):
+            png_size_px(path)
 
 
 def test_an_invalid_image_is_an_error_only_when_it_is_decoded(tmp_path, caplog):
