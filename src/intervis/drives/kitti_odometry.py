@@ -7,9 +7,7 @@ rectified camera 0. They are converted to LiDAR poses with the line `Tr` of cali
 
 from pathlib import Path
 
-from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
-    CalibrationFile,
     CameraCalibration,
     image_size_px,
     pick_camera,
@@ -59,9 +57,9 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     if calibration and chosen:
         key = chosen.replace("image_", "P")
         model = calibration.camera(key, image_size_px(images), chosen)
-        camera_calibration = CameraCalibration(model, cam_from_velo(calibration))
+        camera_calibration = CameraCalibration(model, calibration.rigid_motion("Tr"))
     if calibration and pose_path:
-        poses_velo = lidar_poses(read_poses(pose_path), cam_from_velo(calibration))
+        poses_velo = lidar_poses(read_poses(pose_path), calibration.rigid_motion("Tr"))
         poses = lines_by_number(poses_velo, numbers, pose_path, may_be_longer=True)
         metadata_files.append(pose_path)
     timestamps_ns, times = {}, root / "times.txt"
@@ -82,11 +80,6 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         timestamps_ns=timestamps_ns,
         metadata_files=tuple(metadata_files),
     )
-
-
-def cam_from_velo(calibration: CalibrationFile) -> Float64Array:
-    """(4, 4) rectified camera 0 from the LiDAR: the line `Tr`."""
-    return calibration.rigid_motion("Tr")
 
 
 def _pose_file(root: Path) -> Path | None:
