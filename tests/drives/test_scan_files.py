@@ -160,11 +160,11 @@ def test_an_npy_header_that_declares_more_than_the_file_holds(tmp_path):
     path.write_bytes(path.read_bytes()[:-16])
     with pytest.raises(ScanError, match=r"not a readable \.npy array"):
         read_scan(path)
-    for wild in (b"(1e9, 4)", b"(99999999999, 4)", b"((((((((", b"(-10, 4)"):
+    for declared in (b"(1e9, 4)", b"(99999999999, 4)", b"((((((((", b"(-10, 4)"):
         np.save(path, np.zeros((100, 4), np.float32))
-        shape = b"(100, 4), }" + b" " * (len(wild) - 8)
-        content = path.read_bytes().replace(shape, wild + b", }")
-        assert wild in content
+        shape = b"(100, 4), }" + b" " * (len(declared) - 8)
+        content = path.read_bytes().replace(shape, declared + b", }")
+        assert declared in content
         path.write_bytes(content)
         with pytest.raises(ScanError, match=r"not a readable \.npy array"):
             read_scan(path)
@@ -233,6 +233,17 @@ def test_ply_round_trip(folder, form, table, ending):
     assert np.array_equal(scan.attributes["ring"], table["ring"])
     assert np.array_equal(scan.attributes["time"], table["time"])
     assert scan.attributes["time"].dtype == np.int16
+
+
+def test_signalling_nans_are_read_without_a_warning(tmp_path):
+    table = np.ones(2, PLY_ROW)
+    content = ply_bytes(table, "binary_little_endian")
+    nan32, nan64 = struct.pack("<I", 0x7F800001), struct.pack("<Q", 0x7FF0000000000001)
+    row = struct.pack("<B", 1) + nan32 + nan64 + struct.pack("<fh", 1.0, 1)
+    path = tmp_path / "a.ply"
+    path.write_bytes(content[: -PLY_ROW.itemsize] + row)
+    points = read_scan(path).points
+    assert np.array_equal(points, [[1, 1, 1], [np.nan, np.nan, 1]], equal_nan=True)
 
 
 def small_table(count=3):

@@ -66,7 +66,8 @@ def scan_of_table(path: Path, table: NDArray[Any]) -> Scan:
         raise ScanError(
             f"the scan {path} has no {' '.join(missing)}: its fields are {' '.join(names)}."
         )
-    xyz = np.column_stack([table[axis] for axis in "xyz"])
+    with np.errstate(invalid="ignore"):  # casting a signalling NaN
+        xyz = np.column_stack([table[axis] for axis in "xyz"])
     return _scan(path, xyz, {name: table[name] for name in names if name not in "xyz"})
 
 
@@ -88,5 +89,7 @@ def _float32(path: Path, xyz: NDArray[Any]) -> Float32Array:
                 path,
                 far_m,
             )
-    with np.errstate(over="ignore"):  # becomes infinite, which marks an invalid return
+    # Values beyond float32 become infinite, which marks an invalid return. Casting a signalling NaN
+    # would warn.
+    with np.errstate(over="ignore", invalid="ignore"):
         return np.ascontiguousarray(xyz, dtype=np.float32)
