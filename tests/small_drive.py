@@ -62,7 +62,7 @@ class MemoryDrive:
         self.name = name
         self.read: list[int] = []
 
-    def identity(self) -> dict[str, Any]:
+    def fingerprint(self) -> dict[str, Any]:
         return {"layout": "memory", "name": self.name, "frames": len(self.frame_numbers)}
 
     def __getitem__(self, number: int) -> Frame:

@@ -1,4 +1,4 @@
-"""Arrays at the door: checked once, converted once, never changed."""
+"""Array types, and checks of the arrays that callers pass in: nothing passed in is changed."""
 
 from typing import Any
 
@@ -17,14 +17,14 @@ BoolArray = NDArray[np.bool_]
 
 
 def checked_points(points: ArrayLike, name: str = "points") -> FloatArray:
-    """Coordinates of a point array, after checking shape and type.
+    """The coordinates of a point array, its shape and type checked.
 
     Parameters
     ----------
     points : (N, 3) or (N, 4) float array
-        Metres; a fourth column (intensity) is left aside.
+        Metres; a fourth column (intensity) is ignored.
     name : str
-        How the error message calls the array.
+        Name of the array in the error message.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def checked_points(points: ArrayLike, name: str = "points") -> FloatArray:
 
 
 def checked_point(point: ArrayLike, name: str = "viewpoint") -> Float64Array:
-    """One finite point of space as three float64 numbers in metres.
+    """One point as three finite float64 coordinates in metres.
 
     Raises
     ------
@@ -85,6 +85,8 @@ def finite_rows(points: FloatArray) -> BoolArray:
     >>> finite_rows(np.array([[0.0, 1.0, 2.0], [0.0, np.nan, 2.0]]))
     array([ True, False])
     """
-    # A sum is non-finite exactly when one of its (finite-range) terms is: one pass, no (N, 3) mask.
-    total = points[:, 0].astype(np.float64) + points[:, 1] + points[:, 2]
+    # At metre scale a float64 sum cannot overflow: it is non-finite exactly when a term is. This
+    # takes one pass and no (N, 3) mask.
+    with np.errstate(invalid="ignore"):  # inf - inf
+        total = points[:, 0].astype(np.float64) + points[:, 1] + points[:, 2]
     return np.isfinite(total)

@@ -1,4 +1,6 @@
-"""A pinhole camera as KITTI rectifies it: a 3x4 projection matrix and an image size."""
+"""A rectified pinhole camera: a 3x4 projection matrix and an image size."""
+
+from __future__ import annotations  # help() shows the names of the array types
 
 from dataclasses import dataclass, field
 
@@ -6,6 +8,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.errors import CameraError
+from intervis.transform import inverse, transform
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,12 +18,12 @@ class Camera:
     Attributes
     ----------
     projection : (3, 4) float64 array
-        Pixels from rectified camera coordinates (x right, y down, z forward, metres): the paper's
-        M (Eq. 2), KITTI's P_rect_0k. Its fourth column carries the baseline term -F B.
+        Homogeneous pixels from rectified camera coordinates (x right, y down, z forward, metres):
+        the paper's M (Eq. 2), KITTI's P_rect_0k. The fourth column holds the baseline term -F B.
     width_px, height_px : int
         Image size in pixels.
     name : str
-        For example ``image_02``.
+        The camera's name, for example ``image_02``.
 
     Raises
     ------
@@ -51,7 +54,9 @@ class Camera:
                 f"a camera's projection must be a finite (3, 4) matrix, got shape {matrix.shape}."
             )
         if np.linalg.matrix_rank(matrix[:, :3]) < 3:
-            raise CameraError("a camera's projection must have rank three: its focal length is 0?")
+            raise CameraError(
+                "a camera's projection must have rank three; check its focal lengths."
+            )
         if self.width_px < 1 or self.height_px < 1:
             raise CameraError(
                 f"a camera's image must have pixels, got {self.width_px} x {self.height_px}."
@@ -61,12 +66,12 @@ class Camera:
 
     @property
     def fx_px(self) -> float:
-        """Focal length along the image's rows, pixels."""
+        """Horizontal focal length, pixels."""
         return float(self.projection[0, 0])
 
     @property
     def fy_px(self) -> float:
-        """Focal length along the image's columns, pixels."""
+        """Vertical focal length, pixels."""
         return float(self.projection[1, 1])
 
     @property
@@ -81,6 +86,19 @@ class Camera:
 
     @property
     def centre_cam(self) -> Float64Array:
-        """(3,) the camera's own centre in rectified coordinates: where the projection is 0."""
+        """(3,) centre of projection in rectified coordinates: the point that projects to 0."""
         solved = np.linalg.solve(self.projection[:, :3], self.projection[:, 3])
         return np.asarray(-solved, dtype=np.float64)
+
+
+def default_viewpoint(camera: Camera | None, cam_from_velo: Float64Array | None) -> Float64Array:
+    """(3,) centre of the camera in the sensor frame, metres; the sensor's origin without a camera.
+
+    Examples
+    --------
+    >>> default_viewpoint(None, None).tolist()
+    [0.0, 0.0, 0.0]
+    """
+    if camera is None or cam_from_velo is None:
+        return np.zeros(3)
+    return transform(inverse(cam_from_velo), camera.centre_cam)

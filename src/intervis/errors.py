@@ -1,10 +1,10 @@
-"""What the library raises: one root, one class for each kind of mistake a caller can make."""
+"""Exceptions of the library: one root class, and one class for each kind of error."""
 
 
 class IntervisError(Exception):
-    """Root of every error that the library raises on purpose.
+    """Root of all exceptions that the library raises.
 
-    The message is one plain sentence that says what is wrong and what to do.
+    The message is one sentence that says what is wrong and what to do.
     """
 
 
@@ -17,7 +17,7 @@ class PoseError(IntervisError, ValueError):
 
 
 class CameraError(IntervisError, ValueError):
-    """A camera's projection or image size makes no sense."""
+    """A camera's projection matrix or image size is invalid."""
 
 
 class SettingsError(IntervisError, ValueError):
@@ -25,27 +25,27 @@ class SettingsError(IntervisError, ValueError):
 
 
 class DriveError(IntervisError):
-    """A drive or scan cannot be found, recognised or read."""
+    """A drive or scan is missing, has no known layout, or cannot be read."""
 
 
 class CalibrationError(DriveError):
-    """A calibration file is missing, or a line of it does not parse."""
+    """A calibration, pose or time file is missing, or one of its lines does not parse."""
 
 
 class ScanError(DriveError):
-    """One scan of a drive cannot be read; the other frames may be fine."""
+    """One scan of a drive cannot be read; the other frames may be readable."""
 
 
 class SceneError(IntervisError):
-    """A scene cannot answer: it holds no scan."""
+    """A scene cannot answer a query: it holds no scan, or scans without the timestamps needed."""
 
 
 class OutputError(IntervisError):
-    """Results cannot be written where they should go."""
+    """Results cannot be written to the given path."""
 
 
 class MissingExtraError(IntervisError, ImportError):
-    """An optional dependency is not installed; the message names the extra that brings it."""
+    """An optional dependency is not installed; the message names the extra to install."""
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
         super().__init__(

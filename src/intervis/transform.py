@@ -1,4 +1,4 @@
-"""Rigid motions as 4x4 matrices, named `destination_from_origin`: adjacent names cancel.
+"""Rigid motions as 4x4 matrices with names `destination_from_origin`: adjacent names cancel.
 
 ``points_cam = transform(cam_from_velo, points_velo)``, and
 ``image_from_velo = image_from_cam @ cam_from_velo``.
@@ -11,7 +11,7 @@ from intervis.arrays import Float64Array, FloatArray
 from intervis.errors import PoseError
 
 ROTATION_TOLERANCE = 1e-3
-"""How far R R^T may be from the identity: KITTI prints its rotations with seven digits."""
+"""Largest allowed entry of ``R R^T - I``: KITTI prints rotations with seven digits."""
 
 
 def checked_pose(pose: ArrayLike, name: str = "pose") -> Float64Array:
@@ -25,8 +25,8 @@ def checked_pose(pose: ArrayLike, name: str = "pose") -> Float64Array:
     Raises
     ------
     PoseError
-        Wrong shape, non-finite entries, a rotation part that is no rotation (a mirror, a scale, a
-        shear), or a last row other than 0 0 0 1.
+        The shape is wrong, an entry is not finite, the upper left 3x3 block is not a rotation (a
+        reflection, a scale, a shear), or the last row is not 0 0 0 1.
 
     Examples
     --------
@@ -74,12 +74,12 @@ def inverse(pose: Float64Array) -> Float64Array:
     >>> np.allclose(inverse(a_from_b) @ a_from_b, np.eye(4))
     True
     """
-    # A calibrated rotation is orthonormal only to its printed digits: invert it, do not transpose.
+    # Printed rotations are orthonormal to a few digits only: a transpose would not be the inverse.
     return np.asarray(np.linalg.inv(pose), dtype=np.float64)
 
 
 def transform(pose: Float64Array, points: FloatArray) -> Float64Array:
-    """Points (..., 3) carried by a rigid motion (4, 4), in float64.
+    """Points (..., 3) after a rigid motion (4, 4), in float64.
 
     Examples
     --------

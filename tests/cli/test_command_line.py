@@ -153,8 +153,8 @@ def test_overwrite_starts_anew(drive, tmp_path, capsys):
     [
         (["run", "{drive}/nowhere", "--out", "{out}"], "nothing at {drive}/nowhere"),
         (["run", "{empty}", "--out", "{out}"], "is empty"),
-        (["run", "{text}", "--out", "{out}"], "no drive of a known layout. Looked for"),
-        (["run", "{text}/notes.txt", "--out", "{out}"], "is no scan"),
+        (["run", "{text}", "--out", "{out}"], "is not a drive of a known layout. Looked for"),
+        (["run", "{text}/notes.txt", "--out", "{out}"], "is not a scan"),
         (["run", "{drive}", "--out", "{out}", "--tau", "0"], "'tau' must be 1 or more"),
         (["run", "{drive}", "--out", "{out}", "--tau", "-3"], "'tau' must be 1 or more"),
         (["run", "{drive}", "--out", "{out}", "--tau", "few"], "--tau must be a whole number"),

@@ -1,4 +1,4 @@
-"""Small drives on disk, written by hand: what the readers are tested against."""
+"""Small drives on disk for the tests of the readers."""
 
 import struct
 import zlib
@@ -29,12 +29,12 @@ IDENTITY_LINE = "1 0 0 0 0 1 0 0 0 0 1 0"
 
 
 def pose_line(x: float, y: float = 0.0, z: float = 0.0) -> str:
-    """A shift, in KITTI's odometry format."""
+    """A pose without rotation, in KITTI's odometry format."""
     return f"1 0 0 {x} 0 1 0 {y} 0 0 1 {z}"
 
 
 def scan_rows(number: int, count: int = 5) -> np.ndarray:
-    """(count, 4) float32 rows that tell which frame they belong to."""
+    """(count, 4) float32 rows with values that depend on the frame number."""
     rows = np.arange(count * 4, dtype=np.float32).reshape(count, 4)
     rows[:, 0] += 100 * number
     return rows
@@ -46,7 +46,7 @@ def write_scan(path: Path, number: int, count: int = 5) -> None:
 
 
 def write_png(path: Path, width_px: int, height_px: int, grey: int = 0) -> None:
-    """A grey RGB picture."""
+    """Write a grey RGB image."""
 
     def chunk(kind: bytes, body: bytes) -> bytes:
         return (
@@ -89,7 +89,7 @@ def write_kitti_raw(
 
 
 def write_kitti_odometry(folder: Path, scans: Iterable[int] = (0, 1), name: str = "04") -> Path:
-    """A sequence with calibration, scans and pictures; returns its folder."""
+    """A sequence with calibration, scans and images; returns its folder."""
     sequence = folder / "sequences" / name
     calibration = f"P0: {P_RECT_02}\nP2: {P_RECT_02}\nP3: {P_RECT_03}\nTr: {TR}\n"
     write_text(sequence / "calib.txt", calibration)

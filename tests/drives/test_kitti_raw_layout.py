@@ -1,4 +1,4 @@
-"""KITTI raw: gaps never shift a pairing, and every matrix comes out as worked out by hand."""
+"""KITTI raw: frames are matched by number, and matrices equal those worked out by hand."""
 
 import logging
 import pickle
@@ -17,6 +17,7 @@ from drive_layouts import (
 )
 
 from intervis.drives import Frame, open_drive
+from intervis.drives.calibration import png_size_px
 from intervis.errors import CalibrationError, DriveError, ScanError
 
 
@@ -69,12 +70,12 @@ def test_two_drives_of_a_date_must_be_named(tmp_path):
     assert len(open_drive(root)) == 3
 
 
-def test_missing_scans_and_images_never_shift_a_pairing(tmp_path):
+def test_missing_scans_and_images_shift_no_match(tmp_path):
     # As in drive 2011_09_26_0009, where scans 177 to 180 are missing; here images 3 and 8 too.
     scans = [0, 1, 2, 3, 8, 9]
     root = write_kitti_raw(tmp_path, scans=scans, images=[0, 1, 2, 4, 5, 6, 7, 9])
-    stamps = "".join(f"2011-09-26 13:02:{n:02d}.500000001\n" for n in range(10))
-    write_text(root / "velodyne_points/timestamps.txt", stamps)
+    times = "".join(f"2011-09-26 13:02:{n:02d}.500000001\n" for n in range(10))
+    write_text(root / "velodyne_points/timestamps.txt", times)
     drive = open_drive(root)
     assert drive.frame_numbers == tuple(scans)
     second = int(np.datetime64("2011-09-26T13:02:00", "ns").astype(np.int64))
@@ -89,7 +90,7 @@ def test_missing_scans_and_images_never_shift_a_pairing(tmp_path):
             assert np.all(frame.image == frame.number)
 
 
-def test_an_unknown_number_is_told_the_range_and_the_nearest(tmp_path):
+def test_the_error_for_an_unknown_number_names_the_range_and_the_nearest(tmp_path):
     drive = open_drive(write_kitti_raw(tmp_path, scans=[2, 3, 8, 9]))
     for number, nearest in [(5, "3 and 8"), (0, "2"), (12, "9"), (-1, "2")]:
         with pytest.raises(
@@ -97,14 +98,14 @@ def test_an_unknown_number_is_told_the_range_and_the_nearest(tmp_path):
         ):
             drive[number]
     for wrong in ("3", 3.0, slice(0, 2)):
-        with pytest.raises(DriveError, match="asked for by their number"):
+        with pytest.raises(DriveError, match="a frame number must be an integer"):
             drive[wrong]
     assert drive[np.int64(8)].number == 8
     assert 8 in drive
     assert 5 not in drive
 
 
-def test_one_bad_scan_leaves_the_others_alone_and_nothing_is_read_ahead(tmp_path):
+def test_a_truncated_scan_fails_alone_and_only_when_it_is_read(tmp_path):
     root = write_kitti_raw(tmp_path)
     bad = root / "velodyne_points/data/0000000001.bin"
     bad.write_bytes(bad.read_bytes()[:-3])
@@ -125,9 +126,9 @@ def test_nan_rows_stay_where_the_file_has_them(tmp_path):
     assert np.array_equal(open_drive(root)[0].points, rows[:, :3], equal_nan=True)
 
 
-def test_files_that_are_no_numbers_are_passed_over_and_twins_refused(tmp_path):
+def test_other_files_are_ignored_and_two_of_one_number_refused(tmp_path):
     root = write_kitti_raw(tmp_path)
-    write_text(root / "velodyne_points/data/._0000000000.bin", "a file manager's droppings")
+    write_text(root / "velodyne_points/data/._0000000000.bin", "a hidden file of a file manager")
     write_text(root / "velodyne_points/data/notes.txt", "")
     assert open_drive(root).frame_numbers == (0, 1, 2)
     write_scan(root / "velodyne_points/data/1.bin", 1)
@@ -142,18 +143,20 @@ def test_a_camera_is_chosen_by_name_or_number(tmp_path):
         assert drive.camera.name == "image_03"
         assert drive.camera.projection[0, 3] == -350
         assert drive[0].image_path is None
-    with pytest.raises(DriveError, match="no camera 'image_07': it has image_00, image_02, image"):
+    with pytest.raises(
+        DriveError, match="no camera 'image_07'; available cameras: image_00, image_02, image_03"
+    ):
         open_drive(root, camera="image_07")
 
 
-def test_the_only_camera_with_pictures_is_the_default(tmp_path):
+def test_the_only_camera_with_images_is_the_default(tmp_path):
     root = write_kitti_raw(tmp_path, images=(0,), camera="image_00")
     drive = open_drive(root)
     assert drive.camera.name == "image_00"
     assert drive[0].image_path is not None
 
 
-def test_pictures_of_another_size_are_warned_about_once(tmp_path, caplog):
+def test_images_of_another_size_cause_one_warning(tmp_path, caplog):
     root = write_kitti_raw(tmp_path)
     for number in range(3):
         write_png(root / f"image_02/data/{number:010d}.png", 40, 20)
@@ -161,16 +164,33 @@ def test_pictures_of_another_size_are_warned_about_once(tmp_path, caplog):
         drive = open_drive(root)
         frames = list(drive)
     assert len(caplog.records) == 1
-    assert "40 x 20 pixels, its calibration says 64 x 32" in caplog.text
+    assert "40 x 20 pixels, but its calibration gives 64 x 32" in caplog.text
     assert frames[0].camera.width_px == 64
     assert frames[0].image.shape == (20, 40, 3)
 
 
-def test_a_broken_picture_is_an_error_only_when_it_is_looked_at(tmp_path, caplog):
+def test_the_size_of_a_png_is_two_big_endian_numbers_of_four_bytes(tmp_path):
+    path = tmp_path / "large.png"
+    header = b"\x89PNG\r\n\x1a\n" + bytes([0, 0, 0, 13]) + b"IHDR"
+    path.write_bytes(header + bytes([1, 2, 3, 4, 5, 6, 7, 8]))
+    assert png_size_px(path) == (0x01020304, 0x05060708)
+    for content in (
+        b"",
+        header,
+        header + bytes(7),
+        b"x" * 24,
+        header.replace(b"IHDR", b"IDAT") + bytes(8),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(DriveError, match="is not a PNG image"):
+            png_size_px(path)
+
+
+def test_an_invalid_image_is_an_error_only_when_it_is_decoded(tmp_path, caplog):
     root = write_kitti_raw(tmp_path, images=(0, 1))
     (root / "image_02/data/0000000000.png").write_bytes(b"\x89PNG\r\n\x1a\nthat is all")
     drive = open_drive(root)
-    assert not caplog.records  # the second picture tells the size
+    assert not caplog.records  # the size is read from the second image
     with pytest.raises(DriveError, match=r"cannot read the image .*0000000000\.png"):
         _ = drive[0].image
     assert drive[1].image.shape == (32, 64, 3)
@@ -184,7 +204,7 @@ def test_without_calibration_and_images_the_drive_opens_without_a_camera(tmp_pat
     assert drive.camera_names == ()
     assert drive[0].camera is None
     assert drive[0].cam_from_velo is None
-    with pytest.raises(DriveError, match="has no camera 'image_02': it has none"):
+    with pytest.raises(DriveError, match="has no camera 'image_02'; available cameras: none"):
         open_drive(root, camera="image_02")
 
 
@@ -199,8 +219,8 @@ def test_images_without_calibration_name_the_missing_file(tmp_path, file):
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
-        ("calib_velo_to_cam.txt", "T: 0", "T: zero", r"line 3: 'zero' is no number"),
-        ("calib_velo_to_cam.txt", "T: 0", "T: nan", r"line 3: 'nan' is no number"),
+        ("calib_velo_to_cam.txt", "T: 0", "T: zero", r"line 3: 'zero' is not a finite number"),
+        ("calib_velo_to_cam.txt", "T: 0", "T: nan", r"line 3: 'nan' is not a finite number"),
         ("calib_velo_to_cam.txt", "T: 0", "T: 0 0", r"line 3: T needs 3 numbers, it has 4"),
         ("calib_velo_to_cam.txt", "T: 0", "T 0", r"line 3: expected KEY: numbers, got 'T 0 -0"),
         ("calib_velo_to_cam.txt", "T: 0", "U: 0", r"has no line 'T'"),
@@ -218,7 +238,7 @@ def test_images_without_calibration_name_the_missing_file(tmp_path, file):
             "calib_cam_to_cam.txt",
             "P_rect_03: 7.0e+02",
             "P_rect_03: \x00\xff",
-            r"line 10: .* no num",
+            r"line 10: .* not a finite num",
         ),
     ],
 )
@@ -241,7 +261,7 @@ def test_a_camera_that_is_not_used_may_lack_its_lines(tmp_path):
         open_drive(root, camera="image_03")
 
 
-def test_poses_as_many_as_scans_belong_to_the_scans_that_exist(tmp_path):
+def test_as_many_poses_as_scans_are_one_for_each_scan(tmp_path):
     root = write_kitti_raw(tmp_path, scans=[0, 2, 5])
     write_text(root / "poses.txt", "\n".join(pose_line(x) for x in (0, 20, 50)) + "\n\n")
     drive = open_drive(root)
@@ -249,7 +269,7 @@ def test_poses_as_many_as_scans_belong_to_the_scans_that_exist(tmp_path):
     assert drive[5].pose.shape == (4, 4)
 
 
-def test_poses_up_to_the_last_number_belong_to_the_frame_numbers(tmp_path):
+def test_poses_up_to_the_last_number_are_one_for_each_frame_number(tmp_path):
     root = write_kitti_raw(tmp_path, scans=[0, 2, 5])
     write_text(root / "poses.txt", "\n".join(pose_line(10 * n) for n in range(6)))
     drive = open_drive(root)
@@ -261,7 +281,7 @@ def test_a_count_of_poses_that_fits_neither_is_refused(tmp_path, count):
     root = write_kitti_raw(tmp_path, scans=[0, 2, 5])
     write_text(root / "poses.txt", "\n".join([pose_line(0)] * count))
     with pytest.raises(
-        CalibrationError, match=rf"poses\.txt has {count} lines, .* neither the 3 scans .* \(6 "
+        CalibrationError, match=rf"poses\.txt has {count} lines; expected 3 \(.*\) or 6 \("
     ):
         open_drive(root)
 
@@ -272,8 +292,8 @@ def test_a_count_of_poses_that_fits_neither_is_refused(tmp_path, count):
         ("1 0 0 0 0 1 0 0 0 0 1", "line 2: a pose needs 12 numbers, this line has 11"),
         ("1 0 0 0 0 1 0 0 0 0 -1 0", "line 2: pose is not a rigid motion"),
         ("2 0 0 0 0 2 0 0 0 0 2 0", "line 2: pose is not a rigid motion"),
-        ("1 0 0 x 0 1 0 0 0 0 1 0", "line 2: 'x' is no number"),
-        ("1 0 0 inf 0 1 0 0 0 0 1 0", "line 2: 'inf' is no number"),
+        ("1 0 0 x 0 1 0 0 0 0 1 0", "line 2: 'x' is not a finite number"),
+        ("1 0 0 inf 0 1 0 0 0 0 1 0", "line 2: 'inf' is not a finite number"),
         ("", "line 2: a pose needs 12 numbers, this line has 0"),
     ],
 )
@@ -284,7 +304,7 @@ def test_a_bad_pose_is_named_with_its_line(tmp_path, line, message):
         open_drive(root)
 
 
-def test_a_pose_handed_out_is_the_callers_own(tmp_path):
+def test_matrices_of_a_frame_are_copies(tmp_path):
     root = write_kitti_raw(tmp_path)
     write_text(root / "poses.txt", "\n".join(pose_line(x) for x in range(3)))
     drive = open_drive(root)
@@ -301,7 +321,7 @@ def oxts(latitude_deg, longitude_deg, altitude_m=100.0, roll=0.0, pitch=0.0, yaw
 
 def test_oxts_straight_north(tmp_path):
     # By hand. The sphere's radius is 6378137 m, so 1e-5 degrees of latitude are 1.1131949 m north
-    # (the projection is true to scale at the first record). Heading north, the IMU's x is north and
+    # (the projection has scale 1 at the first record). Heading north, the IMU's x is north and
     # its y west; the LiDAR is 0.81 m ahead, 0.32 m right and 0.80 m above the IMU.
     root = write_kitti_raw(tmp_path, scans=[0, 1, 3])
     for number in (0, 1, 2, 3):
@@ -328,9 +348,9 @@ def test_oxts_straight_east_uphill(tmp_path):
     assert np.allclose(pose[:3, 0], [np.cos(np.pi / 6), 0, 0.5], atol=1e-12)
 
 
-def test_oxts_angles_turn_roll_first_yaw_last(tmp_path):
-    # With yaw and roll both a right angle: the IMU's z, rolled, points to its -y, which the yaw
-    # then carries to +x (east). Yaw first would leave it along -y or +z.
+def test_oxts_rotates_by_roll_first_and_yaw_last(tmp_path):
+    # Roll and yaw are 90 degrees. The roll turns the IMU's z axis to -y, and the yaw turns -y to +x
+    # (east). With the yaw first, the axis would end along -y.
     root = write_kitti_raw(tmp_path, scans=[0])
     write_text(root / "oxts/data/0000000000.txt", oxts(49, 8, roll=np.pi / 2, yaw=np.pi / 2))
     pose = open_drive(root)[0].pose
@@ -359,7 +379,7 @@ def test_poses_txt_takes_precedence_over_oxts(tmp_path):
         ("49 8 100 0 0\n", "line 1: expected latitude, longitude"),
         ("", "line 1: expected latitude, longitude"),
         ("91 8 100 0 0 0\n", "line 1: expected latitude, longitude"),
-        ("49 8 high 0 0 0\n", "line 1: 'high' is no number"),
+        ("49 8 high 0 0 0\n", "line 1: 'high' is not a finite number"),
     ],
 )
 def test_a_bad_oxts_record_is_named(tmp_path, text, message):
@@ -369,7 +389,7 @@ def test_a_bad_oxts_record_is_named(tmp_path, text, message):
         open_drive(root)
 
 
-def test_oxts_without_the_imus_place_name_the_missing_file(tmp_path):
+def test_oxts_without_imu_extrinsics_name_the_missing_file(tmp_path):
     root = write_kitti_raw(tmp_path)
     write_text(root / "oxts/data/0000000000.txt", oxts(49, 8))
     (root.parent / "calib_imu_to_velo.txt").unlink()
@@ -377,7 +397,7 @@ def test_oxts_without_the_imus_place_name_the_missing_file(tmp_path):
         open_drive(root)
 
 
-def test_stamps_as_many_as_scans_and_blank_lines(tmp_path):
+def test_timestamps_as_many_as_scans_and_blank_lines(tmp_path):
     root = write_kitti_raw(tmp_path, scans=[4, 6])
     path = write_text(
         root / "velodyne_points/timestamps.txt", "\n2011-09-26 13:02:25.967790592\n\n"
@@ -391,24 +411,24 @@ def test_stamps_as_many_as_scans_and_blank_lines(tmp_path):
 
 
 @pytest.mark.parametrize("line", ["yesterday", "2011-13-26 13:02:25", "NaT", "now", "1317042145"])
-def test_a_stamp_that_is_no_date_is_named(tmp_path, line):
+def test_an_invalid_timestamp_is_named(tmp_path, line):
     root = write_kitti_raw(tmp_path)
     text = f"2011-09-26 13:02:25\n{line}\n2011-09-26 13:02:26\n"
     write_text(root / "velodyne_points/timestamps.txt", text)
-    with pytest.raises(CalibrationError, match=rf"timestamps\.txt, line 2: '{line}' is no date"):
+    with pytest.raises(CalibrationError, match=rf"timestamps\.txt, line 2: '{line}' is not a date"):
         open_drive(root)
 
 
-def test_a_drive_without_scans_says_what_was_looked_for(tmp_path):
+def test_a_drive_without_scans_names_the_expected_files(tmp_path):
     root = write_kitti_raw(tmp_path, scans=())
     (root / "velodyne_points").mkdir(parents=True)
     with pytest.raises(
-        DriveError, match=r"holds no scans: looked for velodyne_points/data/\*\.bin"
+        DriveError, match=r"holds no scans; expected files: velodyne_points/data/\*\.bin"
     ):
         open_drive(root)
 
 
-def test_a_drive_travels_between_processes(tmp_path):
+def test_a_drive_can_be_pickled(tmp_path):
     drive = pickle.loads(pickle.dumps(open_drive(write_kitti_raw(tmp_path, images=(0,)))))
     assert np.array_equal(drive[2].points, scan_rows(2)[:, :3])
     assert drive[2].camera.name == "image_02"

@@ -33,7 +33,7 @@ def test_a_sequence_holds_what_its_files_hold(tmp_path):
     assert frame.timestamp_ns == 207_400_000
     assert frame.image_path.name == "000002.png"
     assert frame.pose is None
-    # The calibration tells no size: the pictures do.
+    # The calibration has no image size: it is read from an image.
     assert (frame.camera.width_px, frame.camera.height_px) == (62, 18)
     assert frame.camera.projection[0, 3] == 35
     # LiDAR point (10, 2, 1) in the camera, which is 0.27 m ahead and 0.08 m below: by hand.
@@ -43,7 +43,7 @@ def test_a_sequence_holds_what_its_files_hold(tmp_path):
 
 def test_camera_poses_become_lidar_poses(tmp_path):
     # By hand. The camera drives 10 m ahead and turns 90 degrees to the right: its z axis then lies
-    # along the old x, its x along the old -z. The LiDAR rides 0.27 m behind and 0.08 m above the
+    # along the old x, its x along the old -z. The LiDAR is 0.27 m behind and 0.08 m above the
     # camera: after the turn 0.27 m to the left of it. So the LiDAR is at
     # (0.27 + 10, 0 + 0.27, 0), and looks along -y.
     root = write_kitti_odometry(tmp_path)
@@ -63,7 +63,9 @@ def test_line_k_of_the_poses_is_frame_k_even_where_scans_are_missing_at_the_end(
     assert np.isclose(drive[1].pose[0, 3], 10)
     assert np.isclose(drive[3].pose[0, 3], 30)
     write_text(root / "poses.txt", "\n".join([pose_line(0)] * 3))
-    with pytest.raises(CalibrationError, match=r"poses\.txt has 3 lines, .* 2 scans .* \(4 lines"):
+    with pytest.raises(
+        CalibrationError, match=r"poses\.txt has 3 lines; expected 2 \(.*\) or 4 \("
+    ):
         open_drive(root)
 
 
@@ -72,7 +74,7 @@ def test_the_only_sequence_is_found_from_above_and_of_two_one_must_be_named(tmp_
     assert open_drive(tmp_path).root == root
     assert open_drive(tmp_path / "sequences").root == root
     write_kitti_odometry(tmp_path, name="05")
-    with pytest.raises(DriveError, match=r"holds 2 sequences, .*: sequences/04, sequences/05\."):
+    with pytest.raises(DriveError, match=r"holds 2 drives; .*: sequences/04, sequences/05\."):
         open_drive(tmp_path)
 
 
@@ -81,8 +83,8 @@ def test_odometry_calibration_may_be_missing_only_where_nothing_needs_it(tmp_pat
     (root / "calib.txt").unlink()
     with pytest.raises(CalibrationError, match=r"calib\.txt is missing"):
         open_drive(root)
-    for picture in (root / "image_2").iterdir():
-        picture.unlink()
+    for image in (root / "image_2").iterdir():
+        image.unlink()
     (root / "image_2").rmdir()
     drive = open_drive(root)
     assert drive.camera is None
@@ -92,27 +94,34 @@ def test_odometry_calibration_may_be_missing_only_where_nothing_needs_it(tmp_pat
         open_drive(root)
 
 
-def test_without_pictures_kittis_size_is_taken_and_said(tmp_path, caplog):
+def test_without_images_kittis_size_is_used_and_logged(tmp_path, caplog):
     root = write_kitti_odometry(tmp_path)
-    for picture in (root / "image_2").iterdir():
-        picture.unlink()
+    for image in (root / "image_2").iterdir():
+        image.unlink()
     with caplog.at_level(logging.INFO):
         camera = open_drive(root).camera
     assert (camera.width_px, camera.height_px) == (1242, 375)
     assert "1242 x 375" in caplog.text
 
 
+def test_times_keep_nanoseconds(tmp_path):
+    root = write_kitti_odometry(tmp_path)
+    write_text(root / "times.txt", "-1.5\n1.037875019e-01\n")
+    drive = open_drive(root)
+    assert [drive[n].timestamp_ns for n in (0, 1)] == [-1_500_000_000, 103_787_502]
+
+
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("times.txt", "0.0\nsoon\n", r"times\.txt, line 2: 'soon' is no number"),
+        ("times.txt", "0.0\nsoon\n", r"times\.txt, line 2: 'soon' is not a finite number"),
         ("times.txt", "0.0\n1 2\n", r"times\.txt, line 2: expected one time in seconds"),
         ("times.txt", "0.0\n1\n2\n", None),
         ("times.txt", "0.0\n", r"times\.txt has 1 lines"),
         ("calib.txt", "P2: 1 2\n", r"calib\.txt, line 1: P2 needs 12 numbers, it has 2"),
     ],
 )
-def test_odometry_side_files_that_do_not_fit(tmp_path, file, text, message):
+def test_invalid_odometry_metadata_files(tmp_path, file, text, message):
     root = write_kitti_odometry(tmp_path)
     write_text(root / file, text)
     if message is None:
@@ -125,7 +134,7 @@ def test_odometry_side_files_that_do_not_fit(tmp_path, file, text, message):
 def test_a_sequence_without_scans(tmp_path):
     root = write_kitti_odometry(tmp_path, scans=())
     (root / "velodyne").mkdir()
-    with pytest.raises(DriveError, match=r"holds no scans: looked for velodyne/\*\.bin"):
+    with pytest.raises(DriveError, match=r"holds no scans; expected files: velodyne/\*\.bin"):
         open_drive(root)
 
 
@@ -140,7 +149,7 @@ def test_object_frames_have_their_own_cameras(tmp_path, above):
     drive = open_drive(tmp_path if above else root)
     assert (drive.layout, drive.frame_numbers) == ("kitti_object", (0, 3))
     assert [drive[n].camera.fx_px for n in (0, 3)] == [700, 650]
-    assert [drive[n].camera.width_px for n in (0, 3)] == [60, 63]  # from each frame's picture
+    assert [drive[n].camera.width_px for n in (0, 3)] == [60, 63]  # from each frame's image
     assert drive.camera.fx_px == 700
     assert drive[3].pose is None
     assert np.array_equal(drive[3].points, scan_rows(3)[:, :3])
@@ -149,21 +158,21 @@ def test_object_frames_have_their_own_cameras(tmp_path, above):
     assert open_drive(root, camera="image_3")[3].camera.projection[0, 3] == -350
 
 
-def test_one_bad_calibration_is_its_own_frames_matter(tmp_path):
+def test_an_invalid_calibration_fails_its_own_frame_only(tmp_path):
     root = write_kitti_object(tmp_path, scans=(0, 1, 2))
     write_text(root / "calib/000000.txt", OBJECT_CALIBRATION.replace("R0_rect: 0", "R0_rect: o"))
     (root / "calib/000002.txt").unlink()
     drive = open_drive(root)
-    with pytest.raises(CalibrationError, match=r"000000\.txt, line 4: 'o' is no number"):
+    with pytest.raises(CalibrationError, match=r"000000\.txt, line 4: 'o' is not a finite number"):
         drive[0]
     with pytest.raises(CalibrationError, match=r"000002\.txt is missing"):
         drive[2]
     assert drive[1].camera.fx_px == 700
-    assert drive.camera.width_px == 61  # of the first frame that has a readable one
-    assert drive.identity()["camera"] == "image_2"
+    assert drive.camera.width_px == 61  # of the first frame with a readable calibration
+    assert drive.fingerprint()["camera"] == "image_2"
 
 
-def test_every_calibration_broken(tmp_path):
+def test_every_calibration_is_invalid(tmp_path):
     root = write_kitti_object(tmp_path)
     for path in (root / "calib").iterdir():
         path.write_text("nothing")
@@ -178,18 +187,18 @@ def test_object_images_without_calibration(tmp_path):
     root = write_kitti_object(tmp_path)
     for path in (root / "calib").iterdir():
         path.unlink()
-    with pytest.raises(CalibrationError, match="images and no calibration: each frame needs a"):
+    with pytest.raises(CalibrationError, match="images but no calibration; each frame needs a"):
         open_drive(root)
 
 
-def test_an_object_frame_without_its_picture(tmp_path):
+def test_an_object_frame_without_its_image(tmp_path):
     root = write_kitti_object(tmp_path)
     (root / "image_2/000003.png").unlink()
     frame = open_drive(root)[3]
     assert frame.image_path is None
     assert (frame.camera.width_px, frame.camera.height_px) == (1242, 375)
-    (root / "image_2/000000.png").write_bytes(b"no picture")
-    with pytest.raises(DriveError, match=r"000000\.png is no PNG picture"):
+    (root / "image_2/000000.png").write_bytes(b"no image")
+    with pytest.raises(DriveError, match=r"000000\.png is not a PNG image"):
         open_drive(root)[0]
 
 
@@ -213,5 +222,5 @@ def test_object_scans_alone_open_without_a_camera(tmp_path):
     assert drive.camera is None
     assert drive[4].camera is None
     write_png(tmp_path / "image_2/000004.png", 4, 4)
-    with pytest.raises(CalibrationError, match="images and no calibration"):
+    with pytest.raises(CalibrationError, match="images but no calibration"):
         open_drive(tmp_path)

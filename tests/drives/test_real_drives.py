@@ -1,4 +1,4 @@
-"""The real scans beside the project: counts that are known from elsewhere."""
+"""Real scans: counts known from other readers, and consistency of scan, camera and image."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ pytestmark = pytest.mark.realdata
 
 
 def in_view(frame) -> int:
-    """How many returns the camera sees: depth above zero, pixel in the image."""
+    """Number of returns in the image: positive depth, pixel inside."""
     homogeneous = np.column_stack([frame.points, np.ones(len(frame.points))])
     u, v, depth = frame.camera.projection @ frame.cam_from_velo @ homogeneous.T
     ahead = depth > 0
@@ -33,9 +33,9 @@ def test_kitti_raw(shared_data):
 
 
 @pytest.mark.parametrize("number", [0, 11, 23])
-def test_edges_of_the_scan_lie_on_edges_of_the_picture(shared_data, number):
-    # Pairing, calibration and projection at once, with no number of our own: where the range jumps
-    # the picture has edges, and twenty pixels beside it has half as many.
+def test_edges_of_the_scan_project_to_edges_of_the_image(shared_data, number):
+    # Tests matching, calibration and projection together: where the range jumps, the image gradient
+    # is larger than 20 pixels beside it.
     frame = open_drive(shared_data / "kitti_raw")[number]
     homogeneous = np.column_stack([frame.points, np.ones(len(frame.points))])
     u, v, depth = frame.camera.projection @ frame.cam_from_velo @ homogeneous.T

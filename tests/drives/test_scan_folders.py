@@ -1,5 +1,6 @@
-"""Folders of scans, single files, what is no drive, and a drive's identity."""
+"""Folders of scans, single scans, paths without a drive, fingerprints and reprs."""
 
+import hashlib
 import json
 import logging
 import shutil
@@ -32,22 +33,22 @@ def test_scans_are_numbered_by_their_names(tmp_path, place):
         assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
         assert frame.pose[0, 3] == frame.number
         assert frame.camera is None
-    with pytest.raises(DriveError, match="has no camera '2': it has none"):
+    with pytest.raises(DriveError, match="has no camera '2'; available cameras: none"):
         open_drive(tmp_path, camera="2")
 
 
 @pytest.mark.parametrize("names", [("b", "a", "c"), ("x1_v2", "x2_v2", "x3_v2"), ("1", "b", "2")])
-def test_names_without_numbers_are_taken_in_order_and_said(tmp_path, caplog, names):
+def test_names_without_unique_numbers_are_taken_in_order_with_a_warning(tmp_path, caplog, names):
     for number, name in enumerate(sorted(names)):
         write_scan(tmp_path / f"{name}.bin", number)
     drive = open_drive(tmp_path)
-    assert "give no frame numbers" in caplog.text
+    assert "contain no unique frame numbers" in caplog.text
     assert drive.frame_numbers == (0, 1, 2)
     for frame in drive:
         assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
 
 
-def test_numbered_names_say_nothing(tmp_path, caplog):
+def test_numbered_names_log_nothing(tmp_path, caplog):
     write_scan(tmp_path / "17.bin", 17)
     with caplog.at_level(logging.INFO):
         assert open_drive(tmp_path).frame_numbers == (17,)
@@ -71,7 +72,7 @@ def test_mixed_formats_are_refused(tmp_path):
     write_scan(tmp_path / "0.bin", 0)
     write_scan(tmp_path / "1.bin", 0)
     np.save(tmp_path / "2.npy", np.zeros((3, 3)))
-    with pytest.raises(DriveError, match=r"mixes scans of several formats \(2 \.bin, 1 \.npy\)"):
+    with pytest.raises(DriveError, match=r"holds scans of several formats \(2 \.bin, 1 \.npy\)"):
         open_drive(tmp_path)
 
 
@@ -96,11 +97,11 @@ def test_a_single_scan_is_frame_0(tmp_path):
     assert (drive.layout, drive.name, drive.frame_numbers) == ("single_scan", "000042.bin", (0,))
     assert np.array_equal(drive[0].points, scan_rows(3)[:, :3])
     assert drive.poses is None
-    with pytest.raises(DriveError, match="no camera 'image_02': a single scan has none"):
+    with pytest.raises(DriveError, match="no camera 'image_02': it is a single scan"):
         open_drive(tmp_path / "000042.bin", camera="image_02")
 
 
-# --- what is no drive ---
+# --- paths without a drive ---
 
 
 def test_nothing_there(tmp_path):
@@ -114,11 +115,11 @@ def test_an_empty_folder(tmp_path):
 
 
 def test_a_file_of_another_kind(tmp_path):
-    with pytest.raises(DriveError, match=r"notes\.txt is no scan: its name must end in .*\.bin"):
+    with pytest.raises(DriveError, match=r"notes\.txt is not a scan: its name must end in .*\.bin"):
         open_drive(write_text(tmp_path / "notes.txt", "hello"))
 
 
-def test_an_unknown_folder_says_what_was_looked_for_and_found(tmp_path):
+def test_an_unknown_folder_names_the_expected_and_the_found_files(tmp_path):
     for number in range(12):
         write_text(tmp_path / f"{number:02d}.laz", "")
     with pytest.raises(DriveError) as caught:
@@ -138,30 +139,30 @@ def test_a_scan_that_vanishes_after_opening(tmp_path):
     with pytest.raises(ScanError, match=r"cannot read the scan .*1\.bin: No such file"):
         drive[1]
     with pytest.raises(DriveError, match=r"cannot read .*1\.bin: No such file"):
-        drive.identity()
+        drive.fingerprint()
 
 
-# --- identity ---
+# --- fingerprint ---
 
 
-def test_identity_is_json_and_the_same_in_another_place(tmp_path):
+def test_fingerprint_is_json_and_the_same_in_another_place(tmp_path):
     root = write_kitti_raw(tmp_path / "here", images=(0, 1))
     write_text(root / "poses.txt", "\n".join(pose_line(n) for n in range(3)))
-    identity = open_drive(root).identity()
-    assert json.loads(json.dumps(identity)) == identity
-    assert identity["layout"] == "kitti_raw"
-    assert (identity["frames"], identity["first"], identity["last"]) == (3, 0, 2)
-    assert identity["scan_bytes"] == 3 * 80
-    assert identity["camera"] == "image_02"
+    fingerprint = open_drive(root).fingerprint()
+    assert json.loads(json.dumps(fingerprint)) == fingerprint
+    assert fingerprint["layout"] == "kitti_raw"
+    assert (fingerprint["frames"], fingerprint["first"], fingerprint["last"]) == (3, 0, 2)
+    assert fingerprint["scan_bytes"] == 3 * 80
+    assert fingerprint["camera"] == "image_02"
     shutil.copytree(tmp_path / "here", tmp_path / "there")
-    assert open_drive(tmp_path / "there").identity() == identity
+    assert open_drive(tmp_path / "there").fingerprint() == fingerprint
 
 
 @pytest.mark.parametrize("change", ["content", "size", "number", "calibration", "pose", "image"])
-def test_identity_notices_a_changed_input(tmp_path, change):
+def test_fingerprint_notices_a_changed_input(tmp_path, change):
     root = write_kitti_raw(tmp_path, images=(0, 1))
     poses = write_text(root / "poses.txt", "\n".join(pose_line(n) for n in range(3)))
-    before = open_drive(root).identity()
+    before = open_drive(root).fingerprint()
     scan = root / "velodyne_points/data/0000000001.bin"
     if change == "content":
         write_scan(scan, 7)
@@ -176,4 +177,48 @@ def test_identity_notices_a_changed_input(tmp_path, change):
         poses.write_text(poses.read_text().replace("1 0 0 2 ", "1 0 0 3 "))
     else:
         (root / "image_02/data/0000000001.png").unlink()
-    assert open_drive(root).identity()["digest"] != before["digest"]
+    assert open_drive(root).fingerprint()["digest"] != before["digest"]
+
+
+def test_fingerprint_hashes_the_middle_of_each_scan_as_documented(tmp_path):
+    # 1001 points are 16016 bytes: the middle 4096 of them start at (16016 - 4096) / 2 = 5960.
+    root = write_kitti_raw(tmp_path, scans=(0, 2), images=(2,))
+    for number, count in ((0, 1001), (2, 3)):
+        write_scan(root / f"velodyne_points/data/{number:010d}.bin", number, count=count)
+    image_bytes = (root / "image_02/data/0000000002.png").stat().st_size
+    names = ("calib_cam_to_cam.txt", "calib_velo_to_cam.txt")
+    content = b"scan 0 16016\n" + scan_rows(0, 1001).tobytes()[5960 : 5960 + 4096]
+    content += b"scan 2 48\n" + scan_rows(2, 3).tobytes()
+    content += f"image 2 {image_bytes}\n".encode()
+    for name in names:
+        content += f"file {name}\n".encode() + (root.parent / name).read_bytes()
+    assert open_drive(root).fingerprint()["digest"] == hashlib.sha256(content).hexdigest()
+
+
+# --- reprs and viewpoint ---
+
+
+def test_reprs_summarize_the_content_in_one_line(tmp_path):
+    root = write_kitti_raw(tmp_path, scans=(0, 1, 2, 1500), images=(0,))
+    start = f"<Drive {root.name}: KITTI raw, 4 frames 0-1500, camera image_02"
+    assert repr(open_drive(root)) == f"{start}>"
+    write_text(root / "poses.txt", "\n".join(pose_line(n) for n in range(4)))
+    write_text(root / "velodyne_points/timestamps.txt", "2011-09-26 13:02:25\n" * 4)
+    drive = open_drive(root)
+    assert repr(drive) == f"{start}, poses, timestamps>"
+    assert repr(drive[0]) == "<Frame 0: 5 points, camera image_02, image, pose, timestamp>"
+    assert repr(drive[1]) == "<Frame 1: 5 points, camera image_02, pose, timestamp>"
+    write_scan(tmp_path / "17.bin", 17, count=1234)
+    single = open_drive(tmp_path / "17.bin")
+    assert repr(single) == "<Drive 17.bin: single scan, frame 0>"
+    assert repr(single[0]) == "<Frame 0: 1,234 points>"
+
+
+def test_the_default_viewpoint_is_the_cameras_centre_or_the_sensor(tmp_path):
+    # By hand. P_rect_03's last column is -350 = -700 * 0.5: the camera is 0.5 m along x of the
+    # rectified frame. R_rect_00 maps (x, y, z) to (y, -x, z): 0.5 m along the unrectified y, which
+    # points down. Unrectified camera 0 is 0.27 m ahead of the LiDAR and 0.08 m below it.
+    root = write_kitti_raw(tmp_path)
+    assert np.allclose(open_drive(root, camera="3")[0].viewpoint_velo, [0.27, 0, -0.08 - 0.5])
+    write_scan(tmp_path / "0.bin", 0)
+    assert open_drive(tmp_path / "0.bin")[0].viewpoint_velo.tolist() == [0, 0, 0]

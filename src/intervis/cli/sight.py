@@ -78,13 +78,12 @@ def sight(
 
 def _named_place(frame: "Frame", name: str | None) -> Place:
     from intervis.errors import DriveError
-    from intervis.run.stream import camera_centre_velo
 
     if name == "sensor":
         return 0.0, 0.0, 0.0
     if frame.camera is None:
         raise DriveError("this drive has no camera: give --from as X,Y,Z, or sensor.")
-    x, y, z = camera_centre_velo(frame).tolist()
+    x, y, z = frame.viewpoint_velo.tolist()
     return x, y, z
 
 

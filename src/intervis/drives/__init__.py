@@ -1,6 +1,7 @@
-"""Drives: where scans, cameras, poses and times come from, whatever the layout on disk.
+"""Drives: scans, cameras, poses and timestamps, read from the supported layouts on disk.
 
-One module for each layout; each can find itself in a folder and read a `Drive` from it.
+Each layout has a module with ``EXPECTED_FILES`` (for the error message), ``find_roots`` and
+``read_drive``.
 """
 
 import os
@@ -17,24 +18,24 @@ __all__ = ["Drive", "Frame", "open_drive"]
 
 
 class _Layout(NamedTuple):
-    looked_for: str
-    find_root: Callable[[Path], Path | None]
+    expected_files: str
+    find_roots: Callable[[Path], list[Path]]
     read_drive: Callable[[Path, str | None], Drive]
 
 
 _LAYOUTS = tuple(
-    _Layout(module.LOOKED_FOR, module.find_root, module.read_drive)
+    _Layout(module.EXPECTED_FILES, module.find_roots, module.read_drive)
     for module in (kitti_raw, kitti_odometry, kitti_object, scan_folder)
 )
 
 
 def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Drive:
-    """A drive, its layout recognised from what lies at `path`.
+    """Open a drive; its layout is recognised from the files at `path`.
 
     Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
     (a sequence), KITTI object (``training``), a folder of scans (optionally with ``poses.txt``),
-    and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes) or ``.ply``. Nothing in
-    these files is executed or unpickled, and no scan is read before it is asked for.
+    and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes) or ``.ply``. Scans are read
+    when their frames are accessed. No file is unpickled or executed.
 
     Parameters
     ----------
@@ -50,10 +51,11 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     Raises
     ------
     DriveError
-        There is nothing at `path`, or no known layout (the message says what was looked for), or
-        no such camera.
+        `path` does not exist, its layout is not known (the message lists the expected files), it
+        holds several drives, or the drive has no such camera.
     CalibrationError
-        Calibration, poses or times are missing where they are needed, or a line does not parse.
+        A file of calibration, poses or times is missing where it is needed, or a line of it does
+        not parse.
 
     Examples
     --------
@@ -79,16 +81,21 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
 
 
 def _open_folder(folder: Path, camera: str | None) -> Drive:
-    """The first layout that finds itself in the folder."""
+    """The drive in a folder, read by the first layout that finds its files."""
     for layout in _LAYOUTS:
-        root = layout.find_root(folder)
-        if root is not None:
-            return layout.read_drive(root, camera)
+        roots = layout.find_roots(folder)
+        if len(roots) > 1:
+            names = ", ".join(str(root.relative_to(folder)) for root in roots[:8])
+            raise DriveError(
+                f"{folder} holds {len(roots)} drives; give the path of one of them: {names}."
+            )
+        if roots:
+            return layout.read_drive(roots[0], camera)
     content = sorted(entry.name for entry in folder.iterdir())
     if not content:
         raise DriveError(f"the folder {folder} is empty.")
-    looked_for = "; ".join(layout.looked_for for layout in _LAYOUTS)
+    expected_files = "; ".join(layout.expected_files for layout in _LAYOUTS)
     shown = ", ".join(content[:8]) + (", ..." if len(content) > 8 else "")
     raise DriveError(
-        f"{folder} is no drive of a known layout. Looked for: {looked_for}. Found: {shown}."
+        f"{folder} is not a drive of a known layout. Looked for: {expected_files}. Found: {shown}."
     )

@@ -1,9 +1,9 @@
-"""KITTI's calibration files, and the cameras that they mount on the vehicle."""
+"""KITTI's calibration files, and the cameras that they describe."""
 
 import logging
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,15 +17,23 @@ from intervis.transform import checked_pose
 log = logging.getLogger(__name__)
 
 KITTI_SIZE_PX = (1242, 375)
-"""Width and height taken where neither calibration nor picture tells."""
+"""Default image width and height, where neither the calibration nor an image gives them."""
 
 TEXT_KEYS = ("calib_time",)
-"""Lines of a calibration file that hold no numbers."""
+"""Keys whose lines hold text instead of numbers."""
 
 
 @dataclass(frozen=True, eq=False)
-class CameraMount:
-    """A camera and where it sits: `cam_from_velo` leads to KITTI's rectified camera-0 frame."""
+class CameraCalibration:
+    """A camera's intrinsics and extrinsics.
+
+    Attributes
+    ----------
+    camera : Camera
+    cam_from_velo : (4, 4) float64 array
+        Rectified camera coordinates from the LiDAR's. In all KITTI layouts this is the rectified
+        frame of camera 0; the baseline of the other cameras is part of their projection.
+    """
 
     camera: Camera
     cam_from_velo: Float64Array
@@ -46,12 +54,12 @@ class CalibrationFile:
     lines: Mapping[str, tuple[int, tuple[float, ...]]]
 
     def matrix(self, key: str, *shape: int) -> Float64Array:
-        """The values of one key, shaped.
+        """The values of one key as an array of the given shape.
 
         Raises
         ------
         CalibrationError
-            The key is not there, or has another number of values.
+            The key is missing, or has another number of values.
         """
         if key not in self.lines:
             raise CalibrationError(f"{self.path} has no line {key!r}.")
@@ -63,29 +71,41 @@ class CalibrationFile:
         return np.array(values).reshape(shape)
 
     def rotation(self, key: str) -> Float64Array:
-        """The (4, 4) motion that turns by the 3x3 rotation of one key."""
-        return self.motion(key, np.hstack([self.matrix(key, 3, 3), np.zeros((3, 1))]))
+        """(4, 4) motion without translation: the 3x3 rotation in the line of `key`."""
+        return self._rigid_motion(key, np.hstack([self.matrix(key, 3, 3), np.zeros((3, 1))]))
 
-    def motion(self, key: str, matrix: Float64Array) -> Float64Array:
-        """A (4, 4) rigid motion that came from the line of `key`, checked.
+    def rigid_motion(self, key: str) -> Float64Array:
+        """(4, 4) rigid motion: the 3x4 matrix in the line of `key`."""
+        return self._rigid_motion(key, self.matrix(key, 3, 4))
 
-        Raises
-        ------
-        CalibrationError
-            It is no rigid motion.
-        """
+    def rotation_and_translation(self) -> Float64Array:
+        """(4, 4) rigid motion: the 3x3 rotation in the line ``R`` and the 3 metres in ``T``."""
+        return self._rigid_motion("R", np.hstack([self.matrix("R", 3, 3), self.matrix("T", 3, 1)]))
+
+    def _rigid_motion(self, key: str, matrix: Float64Array) -> Float64Array:
         try:
             return checked_pose(matrix, key)
         except PoseError as error:
             raise CalibrationError(f"{self.where(key)}: {error}") from None
 
+    def camera_names(self, prefix: str) -> tuple[str, ...]:
+        """Names of the cameras with a projection: ``image_02`` for the key ``P_rect_02``.
+
+        Parameters
+        ----------
+        prefix : str
+            The key of a projection without the camera's number.
+        """
+        numbers = (re.fullmatch(prefix + r"(\d+)", key) for key in self.lines)
+        return tuple(sorted(f"image_{match[1]}" for match in numbers if match))
+
     def camera(self, key: str, size_px: tuple[int, int], name: str) -> Camera:
-        """The camera whose 3x4 projection stands in the line of `key`.
+        """The camera with the 3x4 projection in the line of `key`.
 
         Raises
         ------
         CalibrationError
-            It is no projection of a camera.
+            The matrix is not a valid projection.
         """
         try:
             return Camera(self.matrix(key, 3, 4), *size_px, name=name)
@@ -93,12 +113,12 @@ class CalibrationFile:
             raise CalibrationError(f"{self.where(key)}: {error}") from None
 
     def where(self, key: str) -> str:
-        """File and line of a key, as the start of a sentence."""
+        """File and line of a key, for the start of an error message."""
         return f"{self.path}, line {self.lines[key][0]}"
 
 
-def read_calibration(path: Path) -> CalibrationFile:
-    """A KITTI calibration file, every line of it checked.
+def read_calibration_file(path: Path) -> CalibrationFile:
+    """Read a KITTI calibration file and check every line.
 
     Raises
     ------
@@ -119,7 +139,7 @@ def read_calibration(path: Path) -> CalibrationFile:
 
 
 def read_lines(path: Path) -> list[str]:
-    """Lines of a small text file, without the blank ones at its end.
+    """Lines of a small text file, without blank lines at its end.
 
     Raises
     ------
@@ -136,12 +156,12 @@ def read_lines(path: Path) -> list[str]:
 
 
 def parse_numbers(text: str, path: Path, line_number: int) -> tuple[float, ...]:
-    """The finite numbers of one line.
+    """The numbers of one line.
 
     Raises
     ------
     CalibrationError
-        A word is no finite number; names file and line.
+        A word is not a finite number; the message names file and line.
     """
     values = []
     for word in text.split():
@@ -150,57 +170,58 @@ def parse_numbers(text: str, path: Path, line_number: int) -> tuple[float, ...]:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise CalibrationError(f"{path}, line {line_number}: {word[:40]!r} is no number.")
+            raise CalibrationError(
+                f"{path}, line {line_number}: {word[:40]!r} is not a finite number."
+            )
         values.append(value)
     return tuple(values)
 
 
-def raw_mount(folder: Path, name: str) -> CameraMount:
-    """The camera ``image_0K`` of KITTI raw's calib_cam_to_cam.txt and calib_velo_to_cam.txt.
+def raw_camera_calibration(folder: Path, name: str) -> CameraCalibration:
+    """Camera ``image_0K`` from KITTI raw's calib_cam_to_cam.txt and calib_velo_to_cam.txt.
 
     Source: Geiger et al., Vision meets Robotics: The KITTI Dataset, IJRR 2013, Eq. 4 to 8.
     """
-    cameras, velo = (read_calibration(folder / file) for file in RAW_FILES)
+    cameras, velo = (read_calibration_file(folder / file) for file in RAW_FILES)
     number = name.removeprefix("image_")
     width_px, height_px = (round(float(size)) for size in cameras.matrix(f"S_rect_{number}", 2))
     camera = cameras.camera(f"P_rect_{number}", (width_px, height_px), name)
-    unrectified_from_velo = velo.motion(
-        "R", np.hstack([velo.matrix("R", 3, 3), velo.matrix("T", 3, 1)])
+    return CameraCalibration(
+        camera, cameras.rotation("R_rect_00") @ velo.rotation_and_translation()
     )
-    return CameraMount(camera, cameras.rotation("R_rect_00") @ unrectified_from_velo)
 
 
 RAW_FILES = ("calib_cam_to_cam.txt", "calib_velo_to_cam.txt")
 
 
 def raw_camera_names(folder: Path) -> tuple[str, ...]:
-    """Names of the cameras that KITTI raw's calibration knows: ``image_00`` and so on."""
-    keys = read_calibration(folder / RAW_FILES[0]).lines
-    return tuple(
-        sorted(f"image_{match[1]}" for key in keys if (match := re.fullmatch(r"P_rect_(\d+)", key)))
-    )
+    """Names of the cameras in KITTI raw's calibration: ``image_00`` and so on."""
+    return read_calibration_file(folder / RAW_FILES[0]).camera_names("P_rect_")
 
 
 def pick_camera(
-    asked: str | None, names: tuple[str, ...], pictured: tuple[str, ...], drive: Path
+    asked: str | None, names: tuple[str, ...], with_images: Collection[str], drive: Path
 ) -> str | None:
-    """Name of the camera to use: the one asked for, else the left colour camera (number 2).
+    """Name of the camera to use, None where there is none.
 
-    Where number 2 has no pictures and another camera has, that one.
+    The default is the left colour camera (number 2). If only other cameras have images, the
+    default is the first of those.
 
     Parameters
     ----------
     asked : str or None
-        A name (``image_03``), or a camera's number alone (``3``).
-    names, pictured : tuple of str
-        Cameras of the calibration, and those of them with pictures.
+        A camera's name (``image_03``) or number (``3``); None for the default.
+    names : tuple of str
+        Cameras in the calibration.
+    with_images : collection of str
+        Names of the folders with images.
     drive : Path
-        For the error message.
+        The drive's path, for the error message.
 
     Raises
     ------
     DriveError
-        There is no such camera.
+        The drive has no such camera.
 
     Examples
     --------
@@ -215,22 +236,22 @@ def pick_camera(
             own = name.removeprefix("image_")
             if asked == name or (number.isdecimal() and int(number) == int(own)):
                 return name
-        there = f"it has {', '.join(names)}" if names else "it has none"
-        raise DriveError(f"{drive} has no camera {asked!r}: {there}.")
-    for candidates in (pictured, names):
-        left_colour = [name for name in candidates if int(name.removeprefix("image_")) == 2]
-        if left_colour or candidates:
-            return (left_colour or list(candidates))[0]
-    return None
+        available = ", ".join(names) or "none"
+        raise DriveError(f"{drive} has no camera {asked!r}; available cameras: {available}.")
+    candidates = [name for name in names if name in with_images] or list(names)
+    left_colour = [name for name in candidates if int(name.removeprefix("image_")) == 2]
+    return next(iter(left_colour + candidates), None)
 
 
 def png_size_px(path: Path) -> tuple[int, int]:
-    """Width and height of a PNG picture, from its first 24 bytes.
+    """Width and height of a PNG image, from its first 24 bytes.
+
+    Pillow is an optional dependency, and a drive with images must open without it.
 
     Raises
     ------
     DriveError
-        The file cannot be read or is no PNG.
+        The file cannot be read or is not a PNG image.
     """
     try:
         with path.open("rb") as file:
@@ -238,43 +259,43 @@ def png_size_px(path: Path) -> tuple[int, int]:
     except OSError as error:
         raise DriveError(f"cannot read the image {path}: {error.strerror}.") from None
     if len(head) < 24 or head[:8] != b"\x89PNG\r\n\x1a\n" or head[12:16] != b"IHDR":
-        raise DriveError(f"the image {path} is no PNG picture.")
+        raise DriveError(f"the image {path} is not a PNG image.")
     return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
 
 
-def size_of_pictures(images: Mapping[int, Path]) -> tuple[int, int]:
-    """Size of the first readable picture; KITTI's usual one, said in the log, where there is none.
+def image_size_px(images: Mapping[int, Path]) -> tuple[int, int]:
+    """Width and height of the first readable image; KITTI's usual size where there is no image.
 
     Raises
     ------
     DriveError
-        There are pictures, and none can be read.
+        There are images, and none of them can be read.
     """
-    broken: DriveError | None = None
+    unreadable: DriveError | None = None
     for number in sorted(images):
         try:
             return png_size_px(images[number])
         except DriveError as error:
-            broken = broken or error
-    if broken:
-        raise broken
-    log.info("no pictures: the image size is taken as KITTI's %d x %d pixels.", *KITTI_SIZE_PX)
+            unreadable = unreadable or error
+    if unreadable:
+        raise unreadable
+    log.info("no images: KITTI's image size of %d x %d pixels is used.", *KITTI_SIZE_PX)
     return KITTI_SIZE_PX
 
 
-def compare_sizes(camera: Camera, images: Mapping[int, Path]) -> None:
-    """Warn where the first picture is not of the calibration's size; the calibration counts."""
+def warn_of_other_size(camera: Camera, images: Mapping[int, Path]) -> None:
+    """Log a warning where the images do not have the size in the calibration."""
     if not images:
         return
     try:
-        width_px, height_px = size_of_pictures(images)
+        width_px, height_px = image_size_px(images)
     except DriveError as error:
         log.warning("%s", error)
         return
     if (width_px, height_px) != (camera.width_px, camera.height_px):
         log.warning(
-            "the pictures of %s are %d x %d pixels, its calibration says %d x %d: the calibration"
-            " counts.",
+            "the images of %s are %d x %d pixels, but its calibration gives %d x %d: the size in"
+            " the calibration is used.",
             camera.name,
             width_px,
             height_px,

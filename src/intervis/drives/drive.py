@@ -1,4 +1,6 @@
-"""A drive: frames by their numbers, read when they are asked for."""
+"""A drive: frames by frame number, each read from disk when it is accessed."""
+
+from __future__ import annotations  # help() shows the names of the array types
 
 import hashlib
 import operator
@@ -10,20 +12,21 @@ from typing import Any
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
-from intervis.drives.calibration import CameraMount
+from intervis.drives.calibration import CameraCalibration
 from intervis.drives.frame import Frame
 from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError
 
 SAMPLE_BYTES = 4096
-"""How much of the middle of each scan `Drive.identity` looks at."""
+"""Bytes from the middle of each scan that enter `Drive.fingerprint`."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Drive:
-    """A sequence of scans with what is known about them; made by `intervis.open_drive`.
+    """A sequence of scans with camera, poses and timestamps; made by `intervis.open_drive`.
 
-    Nothing but names and small files is held: a drive of any length takes the memory of one frame.
+    A drive holds paths and the content of small files. Scans and images are read when a frame is
+    accessed, and are not kept.
 
     Attributes
     ----------
@@ -34,68 +37,81 @@ class Drive:
     layout : str
         ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``scan_folder`` or ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
-        Files by frame number; a frame may lack its image.
+        Files by frame number; a frame may have no image.
     camera_names : tuple of str
-        Every camera that `open_drive` could have chosen.
+        Cameras that `open_drive` can select.
     camera_name : str or None
-        The chosen one.
-    mounts : CameraMount, or function of a frame number to CameraMount, or None
-        The chosen camera, the same for all frames or one for each.
+        The selected camera.
+    calibration : CameraCalibration, or function of a frame number to CameraCalibration, or None
+        Of the selected camera: one for all frames, or one for each frame.
     poses : mapping of int to (4, 4) float64 array, or None
         world_from_velo by frame number.
     timestamps_ns : mapping of int to int
-        Time of the scan by frame number, nanoseconds.
-    side_files : tuple of Path
-        Calibration, poses and times: what else the frames rest on.
+        Time of each scan by frame number, nanoseconds.
+    metadata_files : tuple of Path
+        The files that calibration, poses and timestamps were read from.
     frame_numbers : tuple of int
-        Sorted numbers of the frames that have a scan.
+        Numbers of the frames that have a scan, sorted.
     """
 
     root: Path
     name: str
     layout: str
-    scan_paths: Mapping[int, Path] = field(repr=False)
-    image_paths: Mapping[int, Path] = field(default_factory=dict, repr=False)
+    scan_paths: Mapping[int, Path]
+    image_paths: Mapping[int, Path] = field(default_factory=dict)
     camera_names: tuple[str, ...] = ()
     camera_name: str | None = None
-    mounts: CameraMount | Callable[[int], CameraMount] | None = field(default=None, repr=False)
-    poses: Mapping[int, Float64Array] | None = field(default=None, repr=False)
-    timestamps_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
-    side_files: tuple[Path, ...] = field(default=(), repr=False)
-    frame_numbers: tuple[int, ...] = field(init=False, repr=False)
+    calibration: CameraCalibration | Callable[[int], CameraCalibration] | None = None
+    poses: Mapping[int, Float64Array] | None = None
+    timestamps_ns: Mapping[int, int] = field(default_factory=dict)
+    metadata_files: tuple[Path, ...] = ()
+    frame_numbers: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frame_numbers", tuple(sorted(self.scan_paths)))
 
+    def __repr__(self) -> str:
+        numbers = self.frame_numbers
+        if len(numbers) > 1:
+            frames = f"{len(numbers):,} frames {numbers[0]}-{numbers[-1]}"
+        else:
+            frames = f"frame {numbers[0]}" if numbers else "no frames"
+        known = [self.layout.replace("kitti", "KITTI").replace("_", " "), frames]
+        if self.camera_name is not None:
+            known.append(f"camera {self.camera_name}")
+        known += ["poses"] if self.poses else []
+        known += ["timestamps"] if self.timestamps_ns else []
+        return f"<Drive {self.name}: {', '.join(known)}>"
+
     @property
     def camera(self) -> Camera | None:
-        """The chosen camera; where each frame has its own calibration, the first readable one.
+        """The selected camera; of the first readable frame where frames have own calibrations.
 
         Raises
         ------
         CalibrationError
-            No frame's calibration can be read.
+            The calibration of no frame can be read.
         """
         unreadable: DriveError | None = None
         for number in self.frame_numbers:
             try:
-                mount = self.mount_of(number)
+                calibration = self.calibration_of(number)
             except DriveError as error:
                 unreadable = unreadable or error
                 continue
-            return None if mount is None else mount.camera
-        assert unreadable is not None  # a drive has at least one frame
+            return None if calibration is None else calibration.camera
+        assert unreadable is not None  # there is at least one frame
         raise unreadable
 
-    def mount_of(self, number: int) -> CameraMount | None:
-        """Camera and cam_from_velo of one frame; None where the drive has no camera.
+    def calibration_of(self, number: int) -> CameraCalibration | None:
+        """Camera and extrinsics of one frame; None where the drive has no camera.
 
         Raises
         ------
         CalibrationError
-            This frame's own calibration is missing or does not parse.
+            The frame's own calibration is missing or does not parse.
         """
-        return self.mounts(number) if callable(self.mounts) else self.mounts
+        return self.calibration(number) if callable(self.calibration) else self.calibration
 
     def __len__(self) -> int:
         return len(self.frame_numbers)
@@ -107,40 +123,42 @@ class Drive:
         return (self[number] for number in self.frame_numbers)
 
     def __getitem__(self, number: int) -> Frame:
-        """The frame of this NUMBER, read now.
+        """Read the frame with this frame NUMBER.
 
         Raises
         ------
         DriveError
-            There is no such frame; names the range and the nearest numbers.
+            There is no such frame; the message names the range and the nearest numbers.
         ScanError
-            Its scan cannot be read, is truncated or empty.
+            The scan cannot be read, or is truncated or empty.
         CalibrationError
-            Its own calibration cannot be read (layouts with one for each frame).
+            The frame's own calibration cannot be read (layouts with one for each frame).
         """
         try:
             number = operator.index(number)
         except TypeError:
-            raise DriveError(f"frames are asked for by their number, not by {number!r}.") from None
+            raise DriveError(f"a frame number must be an integer, got {number!r}.") from None
         if number not in self.scan_paths:
             raise DriveError(self._no_such_frame(number))
         scan = read_scan(self.scan_paths[number])
-        mount = self.mount_of(number)
+        calibration = self.calibration_of(number)
         pose = self.poses.get(number) if self.poses else None
         return Frame(
             number=number,
             points=scan.points,
             attributes=scan.attributes,
-            camera=mount.camera if mount else None,
-            cam_from_velo=mount.cam_from_velo.copy() if mount else None,
+            camera=calibration.camera if calibration else None,
+            cam_from_velo=calibration.cam_from_velo.copy() if calibration else None,
             pose=None if pose is None else pose.copy(),
             timestamp_ns=self.timestamps_ns.get(number),
             image_path=self.image_paths.get(number),
             scan_path=self.scan_paths[number],
         )
 
-    def identity(self) -> dict[str, Any]:
-        """What this drive is, cheaply: a changed input changes it, another place on disk does not.
+    def fingerprint(self) -> dict[str, Any]:
+        """Identification of the drive's content, independent of its place on disk.
+
+        Only a part of each scan is read, so that long drives take little time.
 
         Returns
         -------
@@ -164,7 +182,7 @@ class Drive:
                 scan_bytes += size
             for number, path in sorted(self.image_paths.items()):
                 digest.update(f"image {number} {path.stat().st_size}\n".encode())
-            for path in self.side_files:
+            for path in self.metadata_files:
                 digest.update(f"file {path.name}\n".encode() + path.read_bytes())
         except OSError as error:
             raise DriveError(f"cannot read {error.filename}: {error.strerror}.") from None

@@ -1,4 +1,6 @@
-"""One moment of a drive: a scan, what its points carry, and where camera and vehicle were."""
+"""One frame of a drive: a scan with its attributes, camera, image, pose and timestamp."""
+
+from __future__ import annotations  # help() shows the names of the array types
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,33 +11,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arrays import Float32Array, Float64Array
-from intervis.camera import Camera
+from intervis.camera import Camera, default_viewpoint
 from intervis.errors import DriveError, MissingExtraError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Frame:
     """One frame of a drive.
 
     Attributes
     ----------
     number : int
-        The frame's number in its drive; never a list position.
+        The frame number in its drive, not a position in a list.
     points : (N, 3) float32 array
-        The raw scan in the sensor's frame, metres, row for row as in the file: rows with
-        non-finite coordinates are kept, so that an index into `points` is an index into the file.
+        The raw scan in the sensor's frame, metres, in the order of the file. Rows with non-finite
+        coordinates are kept, so that an index into `points` is an index into the file.
     attributes : mapping of str to (N,) array
-        What the points carry beside coordinates (``intensity``, ``ring``, ``time`` ...).
+        Further values of each point (``intensity``, ``ring``, ``time`` ...).
     camera, cam_from_velo : Camera, (4, 4) float64 array, or None
-        The drive's chosen camera, and the way from the sensor to its rectified frame.
+        The drive's selected camera, and its rectified frame from the sensor's frame.
     pose : (4, 4) float64 array or None
         world_from_velo.
     timestamp_ns : int or None
         Time of the scan, nanoseconds.
     image_path : Path or None
-        The camera's picture of this moment.
+        The camera's image of this frame.
     scan_path : Path or None
-        The file the points came from.
+        The file that the points were read from.
+
+    Examples
+    --------
+    >>> Frame(number=17, points=np.zeros((121_403, 3), np.float32), pose=np.eye(4))
+    <Frame 17: 121,403 points, pose>
     """
 
     number: int
@@ -48,16 +55,33 @@ class Frame:
     image_path: Path | None = None
     scan_path: Path | None = None
 
+    def __repr__(self) -> str:
+        known = [f"{len(self.points):,} points"]
+        if self.camera is not None:
+            known.append(f"camera {self.camera.name}")
+        known += ["image"] if self.image_path is not None else []
+        known += ["pose"] if self.pose is not None else []
+        known += ["timestamp"] if self.timestamp_ns is not None else []
+        return f"<Frame {self.number}: {', '.join(known)}>"
+
+    @property
+    def viewpoint_velo(self) -> Float64Array:
+        """(3,) default viewpoint, sensor frame, metres.
+
+        The camera's centre; the sensor's origin where the frame has no camera.
+        """
+        return default_viewpoint(self.camera, self.cam_from_velo)
+
     @property
     def image(self) -> NDArray[np.uint8] | None:
-        """(H, W, 3) uint8 picture, decoded now; None where the frame has none.
+        """(H, W, 3) uint8 RGB image, decoded at each access; None where the frame has none.
 
         Raises
         ------
         MissingExtraError
             Pillow (extra ``plots``) is not installed.
         DriveError
-            The file is no readable picture.
+            The file is not a readable image.
         """
         if self.image_path is None:
             return None
@@ -66,7 +90,7 @@ class Frame:
         except ImportError:
             raise MissingExtraError("pillow", "plots", "Decoding an image") from None
         try:
-            with Image.open(self.image_path) as picture:
-                return np.asarray(picture.convert("RGB"))
+            with Image.open(self.image_path) as image:
+                return np.asarray(image.convert("RGB"))
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
             raise DriveError(f"cannot read the image {self.image_path}: {error}.") from None

@@ -1,51 +1,47 @@
-"""KITTI object: single scans with an image and a calibration of their own, and no poses.
+"""KITTI object: single scans, each with an own image and calibration, without poses.
 
 ``training/velodyne/NNNNNN.bin``, ``training/image_2/NNNNNN.png``, ``training/calib/NNNNNN.txt``.
-The frames are no sequence: neighbours in number are years and streets apart.
+The frames are not a sequence: successive numbers are unrelated places and times.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from intervis.drives.calibration import (
-    CalibrationFile,
-    CameraMount,
+    CameraCalibration,
+    image_size_px,
     pick_camera,
-    read_calibration,
-    size_of_pictures,
+    read_calibration_file,
 )
 from intervis.drives.drive import Drive
-from intervis.drives.numbering import numbered_files
-from intervis.errors import CalibrationError, DriveError
+from intervis.drives.numbering import numbered_files, numbered_scans
+from intervis.errors import CalibrationError
 
-LOOKED_FOR = "velodyne/*.bin beside calib/ or image_2/, also under training/ (KITTI object)"
+EXPECTED_FILES = "velodyne/*.bin beside calib/ or image_2/, also under training/ (KITTI object)"
 
 
-def find_root(path: Path) -> Path | None:
-    """The folder with ``velodyne``: `path` itself, or its ``training``, or its ``testing``."""
+def find_roots(path: Path) -> list[Path]:
+    """The first of `path`, its ``training`` and its ``testing`` that has the expected files."""
     for folder in (path, path / "training", path / "testing"):
         if (folder / "velodyne").is_dir() and (
             (folder / "calib").is_dir() or any(folder.glob("image_*"))
         ):
-            return folder
-    return None
+            return [folder]
+    return []
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The frames in a folder that `find_root` has found."""
-    scans = numbered_files(root / "velodyne", ".bin")
-    if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {LOOKED_FOR}.")
+    """Read the drive in a folder that `find_roots` returned."""
+    scans = numbered_scans(root, "velodyne", EXPECTED_FILES)
     calibrations = numbered_files(root / "calib", ".txt")
-    pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
-    if pictured and not calibrations:
+    with_images = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
+    if with_images and not calibrations:
         raise CalibrationError(
-            f"{root} has images and no calibration: each frame needs a file in {root / 'calib'}."
+            f"{root} has images but no calibration; each frame needs a file in {root / 'calib'}."
         )
     names = _camera_names(calibrations, scans)
-    chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
+    chosen = pick_camera(camera, names, with_images, root)
     images = numbered_files(root / chosen, ".png") if chosen else {}
     return Drive(
         root=root,
@@ -55,43 +51,41 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         image_paths=images,
         camera_names=names,
         camera_name=chosen,
-        mounts=ObjectMounts(root / "calib", chosen, calibrations, images) if chosen else None,
-        side_files=tuple(calibrations.values()),
+        calibration=ObjectCalibrations(root / "calib", chosen, calibrations, images)
+        if chosen
+        else None,
+        metadata_files=tuple(calibrations.values()),
     )
 
 
 @dataclass(frozen=True)
-class ObjectMounts:
-    """The camera of each frame, read from that frame's calibration and picture."""
+class ObjectCalibrations:
+    """Camera and extrinsics of each frame, from the frame's calibration file and image."""
 
     folder: Path
     name: str
-    calibrations: Mapping[int, Path]
+    files: Mapping[int, Path]
     images: Mapping[int, Path]
 
-    def __call__(self, number: int) -> CameraMount:
+    def __call__(self, number: int) -> CameraCalibration:
         """Camera and cam_from_velo = R0_rect Tr_velo_to_cam of one frame."""
-        missing = self.folder / f"{number:06d}.txt"
-        calibration = read_calibration(self.calibrations.get(number, missing))
+        missing = self.folder / f"{number:06d}.txt"  # for the error message
+        calibration = read_calibration_file(self.files.get(number, missing))
         own = {number: self.images[number]} if number in self.images else {}
         key = self.name.replace("image_", "P")
-        camera = calibration.camera(key, size_of_pictures(own), self.name)
-        unrectified_from_velo = calibration.motion(
-            "Tr_velo_to_cam", calibration.matrix("Tr_velo_to_cam", 3, 4)
-        )
-        return CameraMount(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
+        camera = calibration.camera(key, image_size_px(own), self.name)
+        unrectified_from_velo = calibration.rigid_motion("Tr_velo_to_cam")
+        return CameraCalibration(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
 
 
 def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -> tuple[str, ...]:
-    """Cameras of the first calibration that can be read; a broken one is its own frame's matter."""
+    """Cameras in the first readable calibration; invalid files are reported with their frames."""
     for number in sorted(calibrations.keys() & scans.keys()):
         try:
-            calibration: CalibrationFile = read_calibration(calibrations[number])
+            names = read_calibration_file(calibrations[number]).camera_names("P")
         except CalibrationError:
             continue
-        keys = calibration.lines
-        found = [match[1] for key in keys if (match := re.fullmatch(r"P(\d+)", key))]
-        if found:
-            return tuple(sorted(f"image_{digit}" for digit in found))
-    # None can be read: the usual name, so that each frame reports its own calibration.
+        if names:
+            return names
+    # No file can be read: with the usual camera name, each frame reports its own file.
     return ("image_2",) if calibrations else ()

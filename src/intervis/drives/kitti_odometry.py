@@ -1,89 +1,72 @@
 """KITTI odometry (and SemanticKITTI): one folder for each sequence, poses of camera 0 beside them.
 
 ``sequences/NN/velodyne/*.bin``, ``.../image_2/*.png``, ``.../calib.txt``, ``.../times.txt``, and
-``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as SemanticKITTI has it). The poses are those of
-the rectified camera 0; `Tr` of calib.txt carries them to the LiDAR, in a world that is the LiDAR's
-frame at the first pose.
+``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as in SemanticKITTI). The files hold poses of the
+rectified camera 0. They are converted to LiDAR poses with the line `Tr` of calib.txt.
 """
 
-import re
 from pathlib import Path
 
-from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
-    CalibrationFile,
-    CameraMount,
+    CameraCalibration,
+    image_size_px,
     pick_camera,
-    read_calibration,
-    size_of_pictures,
+    read_calibration_file,
 )
 from intervis.drives.drive import Drive
-from intervis.drives.numbering import lines_by_number, numbered_files
-from intervis.drives.trajectory import carried_to_velo, present, read_poses, read_seconds
-from intervis.errors import DriveError
+from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
+from intervis.drives.trajectory import known_timestamps, lidar_poses, read_poses, read_seconds
 
-LOOKED_FOR = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
+EXPECTED_FILES = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
 
 
-def find_root(path: Path) -> Path | None:
-    """The sequence's folder: `path` itself, or the only one under ``sequences``.
-
-    Raises
-    ------
-    DriveError
-        There are several sequences.
-    """
+def find_roots(path: Path) -> list[Path]:
+    """Folders of sequences: `path` itself, or those under its ``sequences``."""
     if _is_sequence(path):
-        return path
-    sequences = [
+        return [path]
+    return [
         folder
         for parent in (path, path / "sequences", path / "dataset" / "sequences")
         if parent.name == "sequences" and parent.is_dir()
         for folder in sorted(parent.iterdir())
         if _is_sequence(folder)
     ]
-    if len(sequences) > 1:
-        names = ", ".join(str(folder.relative_to(path)) for folder in sequences[:8])
-        raise DriveError(f"{path} holds {len(sequences)} sequences, name one of them: {names}.")
-    return sequences[0] if sequences else None
 
 
 def _is_sequence(folder: Path) -> bool:
     if not (folder / "velodyne").is_dir():
         return False
-    told = any((folder / file).is_file() for file in ("calib.txt", "times.txt"))
-    return told or folder.parent.name == "sequences"
+    has_metadata = any((folder / file).is_file() for file in ("calib.txt", "times.txt"))
+    return has_metadata or folder.parent.name == "sequences"
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The sequence in a folder that `find_root` has found."""
-    scans = numbered_files(root / "velodyne", ".bin")
-    if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {LOOKED_FOR}.")
+    """Read the drive in a folder that `find_roots` returned."""
+    scans = numbered_scans(root, "velodyne", EXPECTED_FILES)
     numbers = list(scans)
-    pictured = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
+    with_images = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
     pose_path = _pose_file(root)
     calibration = None
-    if pictured or pose_path or (root / "calib.txt").is_file():
-        calibration = read_calibration(root / "calib.txt")
-    names = _camera_names(calibration)
-    chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
+    if with_images or pose_path or (root / "calib.txt").is_file():
+        calibration = read_calibration_file(root / "calib.txt")
+    names = calibration.camera_names("P") if calibration else ()
+    chosen = pick_camera(camera, names, with_images, root)
     images = numbered_files(root / chosen, ".png") if chosen else {}
-    mount, poses = None, None
-    side_files = [root / "calib.txt"] if calibration else []
+    camera_calibration, poses = None, None
+    metadata_files = [root / "calib.txt"] if calibration else []
     if calibration and chosen:
         key = chosen.replace("image_", "P")
-        seen = calibration.camera(key, size_of_pictures(images), chosen)
-        mount = CameraMount(seen, cam_from_velo(calibration))
+        model = calibration.camera(key, image_size_px(images), chosen)
+        camera_calibration = CameraCalibration(model, calibration.rigid_motion("Tr"))
     if calibration and pose_path:
-        poses_velo = carried_to_velo(read_poses(pose_path), cam_from_velo(calibration))
+        poses_velo = lidar_poses(read_poses(pose_path), calibration.rigid_motion("Tr"))
         poses = lines_by_number(poses_velo, numbers, pose_path, may_be_longer=True)
-        side_files.append(pose_path)
-    stamps, times = {}, root / "times.txt"
+        metadata_files.append(pose_path)
+    timestamps_ns, times = {}, root / "times.txt"
     if times.is_file():
         lines = lines_by_number(read_seconds(times), numbers, times, may_be_longer=True)
-        stamps = present(lines)
-        side_files.append(times)
+        timestamps_ns = known_timestamps(lines)
+        metadata_files.append(times)
     return Drive(
         root=root,
         name=root.name,
@@ -92,25 +75,13 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         image_paths=images,
         camera_names=names,
         camera_name=chosen,
-        mounts=mount,
+        calibration=camera_calibration,
         poses=poses,
-        timestamps_ns=stamps,
-        side_files=tuple(side_files),
-    )
-
-
-def cam_from_velo(calibration: CalibrationFile) -> Float64Array:
-    """Rectified camera 0 from the LiDAR: the line `Tr`."""
-    return calibration.motion("Tr", calibration.matrix("Tr", 3, 4))
-
-
-def _camera_names(calibration: CalibrationFile | None) -> tuple[str, ...]:
-    keys = calibration.lines if calibration else ()
-    return tuple(
-        sorted(f"image_{match[1]}" for key in keys if (match := re.fullmatch(r"P(\d+)", key)))
+        timestamps_ns=timestamps_ns,
+        metadata_files=tuple(metadata_files),
     )
 
 
 def _pose_file(root: Path) -> Path | None:
-    places = (root.parent.parent / "poses" / f"{root.name}.txt", root / "poses.txt")
-    return next((place for place in places if place.is_file()), None)
+    paths = (root.parent.parent / "poses" / f"{root.name}.txt", root / "poses.txt")
+    return next((path for path in paths if path.is_file()), None)

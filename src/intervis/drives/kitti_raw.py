@@ -1,72 +1,63 @@
-"""KITTI raw: a date's calibration, and under it a drive with LiDAR, cameras and GPS/IMU.
+"""KITTI raw: a folder for a date with calibration, and in it drives with LiDAR, cameras, GPS/IMU.
 
 ``DATE/calib_*.txt``, ``DATE/DATE_drive_NNNN_sync/velodyne_points/data/*.bin``,
-``.../image_0K/data/*.png``, ``.../oxts/data/*.txt``, and ``.../poses.txt`` where somebody has
-estimated LiDAR poses (KITTI's odometry format; they take precedence over oxts).
+``.../image_0K/data/*.png``, ``.../oxts/data/*.txt``. An optional ``.../poses.txt`` (LiDAR poses in
+KITTI's odometry format) takes precedence over oxts.
 """
 
 import logging
 from pathlib import Path
 
-import numpy as np
-
 from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
     RAW_FILES,
-    compare_sizes,
     pick_camera,
+    raw_camera_calibration,
     raw_camera_names,
-    raw_mount,
-    read_calibration,
+    read_calibration_file,
+    warn_of_other_size,
 )
 from intervis.drives.drive import Drive
-from intervis.drives.numbering import lines_by_number, numbered_files
-from intervis.drives.trajectory import poses_from_oxts, present, read_poses, read_timestamps
-from intervis.errors import DriveError
+from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
+from intervis.drives.trajectory import (
+    known_timestamps,
+    poses_from_oxts,
+    read_poses,
+    read_timestamps,
+)
 
 log = logging.getLogger(__name__)
 
-LOOKED_FOR = "velodyne_points/data/*.bin (KITTI raw)"
+EXPECTED_FILES = "velodyne_points/data/*.bin (KITTI raw)"
 
 
-def find_root(path: Path) -> Path | None:
-    """The drive's folder: `path` itself, or the only drive in it (a date, or a folder of dates).
-
-    Raises
-    ------
-    DriveError
-        There are several drives.
-    """
+def find_roots(path: Path) -> list[Path]:
+    """Folders of drives: `path` itself, or the drives of a date or of a folder of dates."""
     for pattern in ("velodyne_points", "*/velodyne_points", "*/*/velodyne_points"):
         drives = sorted(folder.parent for folder in path.glob(pattern) if folder.is_dir())
-        if len(drives) > 1:
-            names = ", ".join(str(drive.relative_to(path)) for drive in drives[:8])
-            raise DriveError(f"{path} holds {len(drives)} drives, name one of them: {names}.")
         if drives:
-            return drives[0]
-    return None
+            return drives
+    return []
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
-    """The drive in a folder that `find_root` has found."""
-    scans = numbered_files(root / "velodyne_points" / "data", ".bin")
-    if not scans:
-        raise DriveError(f"{root} holds no scans: looked for {LOOKED_FOR}.")
+    """Read the drive in a folder that `find_roots` returned."""
+    scans = numbered_scans(root, "velodyne_points/data", EXPECTED_FILES)
     date, numbers = root.parent, list(scans)
-    pictured = {folder.parent.name for folder in root.glob("image_*/data") if folder.is_dir()}
+    with_images = {folder.parent.name for folder in root.glob("image_*/data") if folder.is_dir()}
     names: tuple[str, ...] = ()
-    if pictured or all((date / file).is_file() for file in RAW_FILES):
+    if with_images or all((date / file).is_file() for file in RAW_FILES):
         names = raw_camera_names(date)
-    chosen = pick_camera(camera, names, tuple(n for n in names if n in pictured), root)
-    mount = raw_mount(date, chosen) if chosen else None
+    chosen = pick_camera(camera, names, with_images, root)
+    calibration = raw_camera_calibration(date, chosen) if chosen else None
     images = numbered_files(root / chosen / "data", ".png") if chosen else {}
-    if mount:
-        compare_sizes(mount.camera, images)
+    if calibration:
+        warn_of_other_size(calibration.camera, images)
     else:
-        log.info("%s has neither images nor calibration: it is read without a camera.", root)
+        log.info("%s has no images and no complete calibration: it is read without a camera.", root)
     poses, pose_files = _read_poses(root, numbers)
-    stamps, stamp_files = _read_stamps(root, numbers)
-    calibration_files = [date / file for file in RAW_FILES] if mount else []
+    timestamps_ns, timestamp_files = _read_timestamps(root, numbers)
+    calibration_files = [date / file for file in RAW_FILES] if calibration else []
     return Drive(
         root=root,
         name=root.name,
@@ -75,17 +66,17 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         image_paths=images,
         camera_names=names,
         camera_name=chosen,
-        mounts=mount,
+        calibration=calibration,
         poses=poses,
-        timestamps_ns=stamps,
-        side_files=(*calibration_files, *pose_files, *stamp_files),
+        timestamps_ns=timestamps_ns,
+        metadata_files=(*calibration_files, *pose_files, *timestamp_files),
     )
 
 
 def _read_poses(
     root: Path, numbers: list[int]
 ) -> tuple[dict[int, Float64Array] | None, list[Path]]:
-    """LiDAR poses by frame number, and the files they came from."""
+    """LiDAR poses by frame number, and the files that they were read from."""
     estimated = root / "poses.txt"
     if estimated.is_file():
         return lines_by_number(read_poses(estimated), numbers, estimated), [estimated]
@@ -93,17 +84,14 @@ def _read_poses(
     if not records:
         return None, []
     imu = root.parent / "calib_imu_to_velo.txt"
-    calibration = read_calibration(imu)
-    velo_from_imu = calibration.motion(
-        "R", np.hstack([calibration.matrix("R", 3, 3), calibration.matrix("T", 3, 1)])
-    )
+    velo_from_imu = read_calibration_file(imu).rotation_and_translation()
     return poses_from_oxts(records, velo_from_imu), [imu, *records.values()]
 
 
-def _read_stamps(root: Path, numbers: list[int]) -> tuple[dict[int, int], list[Path]]:
-    """Times of the scans by frame number, and the file they came from."""
+def _read_timestamps(root: Path, numbers: list[int]) -> tuple[dict[int, int], list[Path]]:
+    """Timestamps of the scans by frame number, and the file that they were read from."""
     path = root / "velodyne_points" / "timestamps.txt"
     if not path.is_file():
         return {}, []
     lines = lines_by_number(read_timestamps(path), numbers, path, may_be_longer=True)
-    return present(lines), [path]
+    return known_timestamps(lines), [path]

@@ -1,7 +1,7 @@
-"""Frame numbers: of files, from their names; of lines, from their place.
+"""Frame numbers of files (from their names) and of lines in a file (from their positions).
 
-Nothing in a drive is paired by its position in a list of files: a missing scan or image leaves a
-gap, and everything else stays where it belongs.
+Scans, images and other files are matched by frame number, never by position in a sorted list: a
+missing file must not shift the matches of the others.
 """
 
 import logging
@@ -18,14 +18,14 @@ Value = TypeVar("Value")
 
 
 def numbered_files(folder: Path, ending: str) -> dict[int, Path]:
-    """Files of a KITTI folder whose whole name is a number, by that number, sorted.
+    """Files of a KITTI folder that are named NUMBER and `ending`, by number, sorted.
 
-    A folder that is not there holds none; files called otherwise are passed over.
+    Other files are ignored. A missing folder has no files.
 
     Raises
     ------
     DriveError
-        Two files carry the same number, as 7.bin and 0007.bin do.
+        Two files have the same number, for example 7.bin and 0007.bin.
     """
     if not folder.is_dir():
         return {}
@@ -36,15 +36,29 @@ def numbered_files(folder: Path, ending: str) -> dict[int, Path]:
             continue
         if int(stem) in files:
             raise DriveError(
-                f"two files of {folder} carry the number {int(stem)}:"
+                f"two files in {folder} have the number {int(stem)}:"
                 f" {files[int(stem)].name} and {path.name}; remove one."
             )
         files[int(stem)] = path
     return dict(sorted(files.items()))
 
 
+def numbered_scans(root: Path, folder: str, expected_files: str) -> dict[int, Path]:
+    """The ``.bin`` scans in one folder of a KITTI drive, by number.
+
+    Raises
+    ------
+    DriveError
+        There are no scans, or two have the same number.
+    """
+    scans = numbered_files(root / folder, ".bin")
+    if not scans:
+        raise DriveError(f"{root} holds no scans; expected files: {expected_files}.")
+    return scans
+
+
 def numbered_by_name(paths: Iterable[Path]) -> dict[int, Path]:
-    """Files by the last run of digits in their names; in sorted order where that is no number.
+    """Files by the last digits in their names; from 0 in sorted order if these are not unique.
 
     Examples
     --------
@@ -59,8 +73,8 @@ def numbered_by_name(paths: Iterable[Path]) -> dict[int, Path]:
     if len(set(numbers)) == len(ordered):
         return dict(sorted(zip(numbers, ordered, strict=True)))
     log.warning(
-        "the names of the %d scans in %s give no frame numbers: they are numbered from 0 in sorted"
-        " order.",
+        "the names of the %d scans in %s contain no unique frame numbers: the scans are numbered"
+        " from 0 in sorted order.",
         len(ordered),
         ordered[0].parent,
     )
@@ -70,25 +84,25 @@ def numbered_by_name(paths: Iterable[Path]) -> dict[int, Path]:
 def lines_by_number(
     values: Sequence[Value], numbers: Sequence[int], path: Path, *, may_be_longer: bool = False
 ) -> dict[int, Value]:
-    """Which line of a file belongs to which frame.
+    """Assign the lines of a file to frames.
 
-    As many lines as the highest frame number plus one: line k belongs to frame NUMBER k. As many
-    lines as scans: line k belongs to the k-th scan there is. (Both at once only where no number is
-    missing, and then they agree.)
+    If the number of lines is the highest frame number plus one, line k belongs to frame NUMBER k.
+    If it is the number of scans, line k belongs to the k-th scan. If it is both, no frame number is
+    missing and the two rules agree.
 
     Parameters
     ----------
     values : sequence
-        One for each line.
+        One value for each line.
     numbers : sequence of int
         The drive's frame numbers, sorted.
     may_be_longer : bool
-        Whether lines beyond the last scan are fine, because line k is known to be frame k.
+        Allow lines after the last scan: in this file line k is always frame k.
 
     Raises
     ------
     CalibrationError
-        The number of lines fits neither.
+        The number of lines matches neither.
 
     Examples
     --------
@@ -103,6 +117,6 @@ def lines_by_number(
     if len(values) == len(numbers):
         return dict(zip(numbers, values, strict=True))
     raise CalibrationError(
-        f"{path} has {len(values)} lines, which fits neither the {len(numbers)} scans"
-        f" nor the frame numbers up to {numbers[-1]} ({whole} lines)."
+        f"{path} has {len(values)} lines; expected {len(numbers)} (one for each scan)"
+        f" or {whole} (one for each frame number up to {numbers[-1]})."
     )

@@ -1,4 +1,4 @@
-"""Reading PCD files (ascii, binary, binary_compressed) through pypcd4."""
+"""Reading PCD files (ascii, binary, binary_compressed) with pypcd4."""
 
 import struct
 from pathlib import Path
@@ -10,80 +10,79 @@ from intervis.drives.scan import Scan, scan_of_table
 from intervis.errors import MissingExtraError, ScanError
 
 PADDING = "#$%&~~"
-"""What pypcd4 calls the columns that PCD's "_" declares as padding."""
+"""Start of the names that pypcd4 gives to padding columns, which PCD declares as "_"."""
 
 LONGEST_HEADER = 100
-"""Lines of header read before a file is taken for something else."""
+"""Lines after which a header without its last line is rejected."""
 
 LZF_RATIO = 88
-"""LZF's three bytes stand for 264 at most."""
+"""Highest compression ratio of LZF: 3 bytes encode at most 264."""
 
 
 def read_pcd(path: Path) -> Scan:
-    """A PCD file: x, y, z, and every other field as an attribute.
+    """Read a PCD file: x, y, z as points, every other field as an attribute.
 
     Raises
     ------
     MissingExtraError
         pypcd4 (extra ``pcd``) is not installed.
     ScanError
-        The header is broken, the data ends early, or there are no points.
+        The header is invalid, the data is truncated, or there are no points.
     """
     try:
         from pypcd4.pypcd4 import PointCloud
     except ImportError:
         raise MissingExtraError("pypcd4", "pcd", "Reading a PCD file") from None
-    promised = _promised_points(path)
+    declared = _declared_points(path)
     try:
         cloud = PointCloud.from_path(path)
         table = np.atleast_1d(cloud.pc_data)
-    except Exception as error:  # whatever pypcd4, lzf, pydantic or numpy make of a broken file
+    except Exception as error:  # pypcd4, lzf, pydantic and numpy raise various types
         raise ScanError(
-            f"the scan {path} is no readable PCD file ({type(error).__name__})."
+            f"the scan {path} is not a readable PCD file ({type(error).__name__})."
         ) from None
-    if len(table) != promised:
+    if len(table) != declared:
         raise ScanError(
-            f"the scan {path} is truncated or broken: its header promises {promised} points,"
+            f"the scan {path} is truncated or invalid: its header declares {declared} points, but"
             f" it holds {len(table)}."
         )
     names = [name for name in table.dtype.names or () if not name.startswith(PADDING)]
     return scan_of_table(path, table[names])
 
 
-def _promised_points(path: Path) -> int:
-    """POINTS of the header, once it is clear that the file can hold them.
+def _declared_points(path: Path) -> int:
+    """POINTS of the header, after a check that the file is large enough to hold them.
 
-    pypcd4 takes the header's word for it: a short file would come back short, and a wild number
-    would be allocated.
+    pypcd4 does not check this: it would return fewer points from a truncated file, and allocate
+    memory for any number in the header.
     """
-    try:
-        with path.open("rb") as file:
-            header = _read_header(file)
-            start = file.tell()
-            packed_sizes = file.read(8)
-            data_bytes = file.seek(0, 2) - start
-    except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {error.strerror}.") from None
+    with path.open("rb") as file:
+        header = _read_header(file)
+        start = file.tell()
+        packed_sizes = file.read(8)
+        data_bytes = file.seek(0, 2) - start
     missing = [key for key in ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA") if not header.get(key)]
     if missing:
-        raise ScanError(f"the scan {path} is no PCD file: its header has no {' '.join(missing)}.")
+        raise ScanError(
+            f"the scan {path} is not a PCD file: its header has no {' '.join(missing)}."
+        )
     try:
         points, needed_bytes = _needed_bytes(header, packed_sizes)
     except ValueError:
         raise ScanError(
-            f"the scan {path} has a broken PCD header: SIZE, COUNT, POINTS and the sizes of packed"
-            " data do not agree."
+            f"the scan {path} has an invalid PCD header: SIZE, COUNT, POINTS and the sizes of the"
+            " compressed data are inconsistent."
         ) from None
     if needed_bytes > data_bytes:
         raise ScanError(
             f"the scan {path} is truncated: the {points} points of its header need {needed_bytes}"
-            f" bytes, {data_bytes} are there."
+            f" bytes, but it has {data_bytes}."
         )
     return points
 
 
 def _read_header(file: BinaryIO) -> dict[str, list[str]]:
-    """Words by key; leaves the file where the data starts."""
+    """Values of the header by key; leaves the file at the start of the data."""
     header: dict[str, list[str]] = {}
     for _ in range(LONGEST_HEADER):
         key, *values = file.readline(4096).decode("ascii", "replace").split() or [""]
@@ -94,7 +93,7 @@ def _read_header(file: BinaryIO) -> dict[str, list[str]]:
 
 
 def _needed_bytes(header: dict[str, list[str]], packed_sizes: bytes) -> tuple[int, int]:
-    """Points, and the least bytes of data that hold them; ValueError where numbers disagree."""
+    """Number of points and the minimum size of their data; ValueError if inconsistent."""
     points = int(header["POINTS"][0])
     sizes = [int(size) for size in header["SIZE"]]
     counts = [int(count) for count in header.get("COUNT", ["1"] * len(sizes))]
@@ -103,7 +102,7 @@ def _needed_bytes(header: dict[str, list[str]], packed_sizes: bytes) -> tuple[in
         raise ValueError
     match header["DATA"][0]:
         case "ascii":
-            return points, max(0, 2 * points * sum(counts) - 1)  # a digit and a blank a number
+            return points, max(0, 2 * points * sum(counts) - 1)  # digit and separator
         case "binary":
             return points, table_bytes
     if points == 0:

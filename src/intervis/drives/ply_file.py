@@ -1,4 +1,4 @@
-"""Reading PLY files: ascii, binary little and big endian, the vertices alone."""
+"""Reading the vertices of PLY files: ascii, binary little endian, binary big endian."""
 
 from dataclasses import dataclass, field
 from itertools import islice
@@ -18,49 +18,48 @@ TYPES = {
     **{"float": "f4", "double": "f8", "float32": "f4", "float64": "f8"},
 }
 LONGEST_HEADER = 1000
-"""Lines of header read before a file is taken for something else."""
+"""Lines after which a header without its last line is rejected."""
 
 
 class _BrokenError(Exception):
-    """What is wrong with a PLY file, as the end of a sentence."""
+    """An invalid PLY file; the message is the end of a sentence."""
 
 
 @dataclass
 class _Element:
-    """One element of the header: its name, how many there are, its properties in order."""
+    """An element of the header: name, count, and properties in order."""
 
     name: str
     count: int
     properties: list[tuple[str, str]] = field(default_factory=list)
 
     def dtype(self, order: str) -> np.dtype[Any]:
-        """Type of one row, in the file's byte order."""
+        """Type of one row in the file's byte order."""
         if any(kind == "list" for _, kind in self.properties):
-            raise _BrokenError(f"its {self.name} carries a list, which no scan needs")
+            raise _BrokenError(f"its {self.name} has a list property, which is not supported")
         return np.dtype([(name, order + kind) for name, kind in self.properties])
 
 
 def read_ply(path: Path) -> Scan:
-    """A PLY file's vertices: x, y, z, and every other property as an attribute.
+    """Read the vertices of a PLY file: x, y, z as points, other properties as attributes.
 
     Raises
     ------
     ScanError
-        The header is broken, the data ends early, a vertex carries a list, or there are none.
+        The header is invalid, the data is truncated, a vertex has a list property, or there are no
+        vertices.
     """
     try:
         with path.open("rb") as file:
             order, elements = _read_header(file)
             table = _read_vertices(file, order, elements)
     except _BrokenError as error:
-        raise ScanError(f"the scan {path} is no readable PLY file: {error}.") from None
-    except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {error.strerror}.") from None
+        raise ScanError(f"the scan {path} is not a readable PLY file: {error}.") from None
     return scan_of_table(path, table)
 
 
 def _read_header(file: BinaryIO) -> tuple[str, list[_Element]]:
-    """Format word and elements; leaves the file where the data starts."""
+    """Format and elements; leaves the file at the start of the data."""
     if file.readline(16).strip() != b"ply":
         raise _BrokenError('its first line is not "ply"')
     order, elements = "", list[_Element]()
@@ -80,9 +79,9 @@ def _read_header(file: BinaryIO) -> tuple[str, list[_Element]]:
             case ["property", kind, name] if elements and kind in TYPES:
                 elements[-1].properties.append((name, TYPES[kind]))
             case _:
-                raise _BrokenError(f"its header has the line {line[:60]!r}")
+                raise _BrokenError(f"its header has the invalid line {line[:60]!r}")
     else:
-        raise _BrokenError("its header never ends")
+        raise _BrokenError("its header has no end_header")
     if not order:
         raise _BrokenError("its header names no format")
     for element in elements:
@@ -93,7 +92,7 @@ def _read_header(file: BinaryIO) -> tuple[str, list[_Element]]:
 
 
 def _read_vertices(file: BinaryIO, order: str, elements: list[_Element]) -> NDArray[Any]:
-    """The rows of the element "vertex"; elements before it are passed over."""
+    """The rows of the element "vertex"; elements before it are skipped."""
     for element in elements:
         if element.name == "vertex":
             row = element.dtype(ORDERS[order])
@@ -114,7 +113,7 @@ def _read_binary_rows(file: BinaryIO, row: np.dtype[Any], count: int) -> NDArray
     if count * row.itemsize > left_bytes:
         raise _BrokenError(
             f"it is truncated: {count} vertices need {count * row.itemsize} bytes,"
-            f" {left_bytes} are there"
+            f" but it has {left_bytes}"
         )
     file.seek(start)
     table = np.frombuffer(file.read(count * row.itemsize), dtype=row)
@@ -124,7 +123,7 @@ def _read_binary_rows(file: BinaryIO, row: np.dtype[Any], count: int) -> NDArray
 def _read_text_rows(file: BinaryIO, row: np.dtype[Any], count: int) -> NDArray[Any]:
     lines = [line for line in islice(file, count) if line.strip()]
     if len(lines) < count:
-        raise _BrokenError(f"it is truncated: it promises {count} vertices and has {len(lines)}")
+        raise _BrokenError(f"it is truncated: it declares {count} vertices and has {len(lines)}")
     if count == 0:
         return np.empty(0, row)
     try:

@@ -1,4 +1,4 @@
-"""One scan as it comes from a file: coordinates, and what each point carries beside them."""
+"""The content of a scan file: coordinates, and further attributes of each point."""
 
 import logging
 from collections.abc import Mapping
@@ -15,19 +15,19 @@ from intervis.errors import ScanError
 log = logging.getLogger(__name__)
 
 FAR_M = 16_384.0
-"""Beyond this, float32 coordinates are coarser than a millimetre."""
+"""Magnitude from which the spacing of float32 numbers exceeds 1 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """The content of a scan file, row for row.
+    """The points of a scan file in the order of the file.
 
     Attributes
     ----------
     points : (N, 3) float32 array
         Sensor frame, metres; rows with non-finite coordinates are kept.
     attributes : mapping of str to (N,) array
-        What the file says of each point beside its coordinates.
+        Further values of each point.
     """
 
     points: Float32Array
@@ -35,58 +35,61 @@ class Scan:
 
 
 def scan_of_rows(path: Path, rows: NDArray[Any], names: tuple[str, ...] = ()) -> Scan:
-    """A scan of rows x, y, z and further columns called `names`.
+    """A scan from rows x, y, z and further columns with the given names.
 
     Parameters
     ----------
     path : Path
-        The file, for the error message.
+        The file, for messages.
     rows : (N, 3 + len(names)) float array
 
     Raises
     ------
     ScanError
-        There is no row.
+        There are no rows.
     """
-    if len(rows) == 0:
-        raise ScanError(f"the scan {path} holds no points.")
-    return Scan(
-        _float32(path, rows[:, :3]),
-        {name: np.ascontiguousarray(rows[:, 3 + column]) for column, name in enumerate(names)},
-    )
+    others = {name: rows[:, column] for column, name in enumerate(names, start=3)}
+    return _scan(path, rows[:, :3], others)
 
 
 def scan_of_table(path: Path, table: NDArray[Any]) -> Scan:
-    """A scan of a structured array (N,) with the fields x, y, z and others.
+    """A scan from a structured array (N,) with the fields x, y, z and others.
 
     Raises
     ------
     ScanError
-        There is no row, or a coordinate is missing.
+        There are no rows, or a coordinate is missing.
     """
     names = table.dtype.names or ()
     missing = [axis for axis in "xyz" if axis not in names]
     if missing:
         raise ScanError(
-            f"the scan {path} has no {' '.join(missing)}: its points carry {' '.join(names)}."
+            f"the scan {path} has no {' '.join(missing)}: its fields are {' '.join(names)}."
         )
-    if len(table) == 0:
+    with np.errstate(invalid="ignore"):  # casting a signalling NaN
+        xyz = np.column_stack([table[axis] for axis in "xyz"])
+    return _scan(path, xyz, {name: table[name] for name in names if name not in "xyz"})
+
+
+def _scan(path: Path, xyz: NDArray[Any], others: Mapping[str, NDArray[Any]]) -> Scan:
+    if len(xyz) == 0:
         raise ScanError(f"the scan {path} holds no points.")
-    xyz = np.column_stack([table[axis] for axis in "xyz"])
-    others = [name for name in names if name not in "xyz"]
-    return Scan(_float32(path, xyz), {name: np.ascontiguousarray(table[name]) for name in others})
+    columns = {name: np.ascontiguousarray(column) for name, column in others.items()}
+    return Scan(_float32(path, xyz), columns)
 
 
 def _float32(path: Path, xyz: NDArray[Any]) -> Float32Array:
-    """Contiguous float32 coordinates; says so where digits are lost."""
+    """Contiguous float32 coordinates; warns where the conversion loses more than 1 mm."""
     if xyz.dtype.itemsize > 4:
         far_m = np.max(np.abs(xyz), where=np.isfinite(xyz), initial=0.0)
         if far_m > FAR_M:
             log.warning(
-                "%s: coordinates reach %.0f m; scans are kept as float32 in the sensor's frame, so"
-                " subtract the sensor's position first or digits are lost.",
+                "%s: coordinates reach %.0f m, where float32 is coarser than 1 mm; subtract the"
+                " sensor's position from the coordinates first.",
                 path,
                 far_m,
             )
-    with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite, and is dropped
+    # Values beyond float32 become infinite, which marks an invalid return. Casting a signalling NaN
+    # would warn.
+    with np.errstate(over="ignore", invalid="ignore"):
         return np.ascontiguousarray(xyz, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Reading one scan, whatever its format: a table of readers by the ending of the file's name."""
+"""Reading a scan file in any supported format, selected by the ending of its name."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,37 +12,38 @@ from intervis.errors import ScanError
 
 
 def read_bin(path: Path) -> Scan:
-    """KITTI's scan: x, y, z and intensity of each point as little-endian float32.
+    """Read a KITTI scan: x, y, z and intensity of each point as little-endian float32.
 
     Raises
     ------
     ScanError
-        The file cannot be read, is empty, or ends in the middle of a point.
+        The file holds no points, or its size is not a multiple of a point's size.
     """
     return _read_float32_rows(path, ("intensity",))
 
 
 def read_nuscenes(path: Path) -> Scan:
-    """NuScenes' sweep: x, y, z, intensity and ring of each point as little-endian float32."""
+    """Read a nuScenes sweep: x, y, z, intensity and ring as little-endian float32."""
     return _read_float32_rows(path, ("intensity", "ring"))
 
 
 def read_npy(path: Path) -> Scan:
-    """A numpy array (N, 3) or (N, 4) of float32 or float64; the fourth column is intensity.
+    """Read an array (N, 3) or (N, 4) of float32 or float64; the fourth column is intensity.
 
     Raises
     ------
     ScanError
-        The file cannot be read, is no plain array (pickled objects are never loaded), has another
-        shape or type, or holds no point.
+        The file is not a plain array (pickled objects are never loaded), has another shape or
+        type, or holds no points.
     """
     try:
-        # Mapped, not loaded: a header that promises more than the file holds is found out for free.
+        # A memory map fails on a header that declares more than the file holds, and allocates
+        # nothing.
         rows = np.load(path, mmap_mode="r", allow_pickle=False)
-    except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
-    except Exception as error:  # numpy hands a broken header to Python's parser: anything may come
-        raise ScanError(f"the scan {path} is no readable .npy array: {_brief(error)}.") from None
+    except OSError:
+        raise
+    except Exception as error:  # numpy evaluates the header as a literal: various types
+        raise ScanError(f"the scan {path} is not a readable .npy array: {_brief(error)}.") from None
     if not isinstance(rows, np.ndarray):
         raise ScanError(f"the scan {path} is an archive of arrays, not one .npy array.")
     if rows.ndim != 2 or rows.shape[1] not in (3, 4):
@@ -59,11 +60,11 @@ READERS: dict[str, Callable[[Path], Scan]] = {
     ".pcd": read_pcd,
     ".ply": read_ply,
 }
-"""Readers by ending; the longest ending that fits is the one meant."""
+"""Readers by ending of the file name; a longer ending stands before its own suffix."""
 
 
 def scan_ending(path: Path) -> str | None:
-    """Which of the known endings a file's name has.
+    """The supported ending of a file's name, or None.
 
     Examples
     --------
@@ -77,37 +78,37 @@ def scan_ending(path: Path) -> str | None:
 
 
 def read_scan(path: Path) -> Scan:
-    """The scan in a file, by its ending.
+    """Read a scan file with the reader for its ending.
 
     Raises
     ------
     ScanError
-        The ending is unknown, the file is empty, or it is not what its ending says.
+        The ending is unknown, or the file cannot be read, is empty or is not in the format of its
+        ending.
     """
     ending = scan_ending(path)
     if ending is None:
-        raise ScanError(f"{path} is no scan: its name must end in {' '.join(READERS)}.")
-    if path.is_file() and path.stat().st_size == 0:
-        raise ScanError(f"the scan {path} holds no points: the file is empty.")
-    return READERS[ending](path)
+        raise ScanError(f"{path} is not a scan: its name must end in {' '.join(READERS)}.")
+    try:
+        if path.is_file() and path.stat().st_size == 0:
+            raise ScanError(f"the scan {path} holds no points: the file is empty.")
+        return READERS[ending](path)
+    except OSError as error:
+        raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
 
 
 def _read_float32_rows(path: Path, names: tuple[str, ...]) -> Scan:
     columns = 3 + len(names)
-    try:
-        size_bytes = path.stat().st_size
-        if size_bytes % (4 * columns):
-            raise ScanError(
-                f"the scan {path} is truncated: its {size_bytes} bytes are no multiple of"
-                f" {4 * columns}, the {columns} float32 numbers of a point."
-            )
-        values = np.fromfile(path, dtype="<f4")
-    except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
-    return scan_of_rows(path, values.reshape(-1, columns), names)
+    size_bytes = path.stat().st_size
+    if size_bytes % (4 * columns):
+        raise ScanError(
+            f"the scan {path} is truncated: its {size_bytes} bytes are not a multiple of"
+            f" {4 * columns}, the {columns} float32 numbers of a point."
+        )
+    return scan_of_rows(path, np.fromfile(path, dtype="<f4").reshape(-1, columns), names)
 
 
 def _brief(error: Exception) -> str:
-    """The reason alone: no errno, no path a second time, no full stop."""
+    """The reason in an exception, without number, path and full stop."""
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return reason.splitlines()[0].rstrip(".") if reason else type(error).__name__

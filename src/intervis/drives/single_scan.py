@@ -1,4 +1,4 @@
-"""One scan in a file: a drive of one frame, number 0, without camera, pose or time."""
+"""A single scan file: a drive of one frame, number 0, without camera, pose or timestamp."""
 
 from pathlib import Path
 
@@ -8,15 +8,15 @@ from intervis.errors import DriveError
 
 
 def read_drive(path: Path, camera: str | None) -> Drive:
-    """The drive of a single file.
+    """Read a single scan file as a drive.
 
     Raises
     ------
     DriveError
-        The file's ending is none of a scan's, or a camera was asked for.
+        The file's name does not end as a scan's, or a camera was requested.
     """
     if scan_ending(path) is None:
-        raise DriveError(f"{path} is no scan: its name must end in {' '.join(READERS)}.")
+        raise DriveError(f"{path} is not a scan: its name must end in {' '.join(READERS)}.")
     if camera is not None:
-        raise DriveError(f"{path} has no camera {camera!r}: a single scan has none.")
+        raise DriveError(f"{path} has no camera {camera!r}: it is a single scan.")
     return Drive(root=path, name=path.name, layout="single_scan", scan_paths={0: path})

@@ -1,4 +1,4 @@
-"""Where and when: poses in KITTI's odometry format, GPS/IMU records (oxts), and times."""
+"""Poses and timestamps: KITTI's odometry format, GPS/IMU records (oxts), lists of times."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -12,23 +12,23 @@ from intervis.errors import CalibrationError, PoseError
 from intervis.transform import checked_pose, inverse, rigid
 
 EARTH_RADIUS_M = 6_378_137.0
-"""Of the sphere on which KITTI's Mercator projection works."""
+"""Radius of the sphere of KITTI's Mercator projection."""
 
 DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 
 
 def read_poses(path: Path) -> list[Float64Array]:
-    """Poses in KITTI's odometry format: twelve numbers a line, the first three rows of a 4x4.
+    """Read poses in KITTI's odometry format: each line holds the upper three rows of a 4x4 matrix.
 
     Returns
     -------
     list of (4, 4) float64 arrays
-        One for each line.
+        One pose for each line.
 
     Raises
     ------
     CalibrationError
-        A line does not parse or is no rigid motion; names file and line.
+        A line does not parse or is not a rigid motion; the message names file and line.
     """
     poses = []
     for line_number, line in enumerate(read_lines(path), start=1):
@@ -49,8 +49,9 @@ def poses_from_oxts(
 ) -> dict[int, Float64Array]:
     """LiDAR poses from KITTI raw's oxts records, one file for each frame.
 
-    The world is x east, y north, z up, with its origin at the first record's IMU. Positions come
-    from latitude and longitude by a Mercator projection true to scale at the first record.
+    The world frame is x east, y north, z up, with its origin at the IMU of the first record.
+    Positions come from latitude and longitude by a Mercator projection with scale 1 at the first
+    record.
     Source: KITTI raw development kit, convertOxtsToPose.
 
     Parameters
@@ -66,9 +67,11 @@ def poses_from_oxts(
     Raises
     ------
     CalibrationError
-        A record does not begin with six numbers: latitude and longitude in degrees, altitude in
+        A record does not start with six numbers: latitude and longitude in degrees, altitude in
         metres, roll, pitch and yaw in radians.
     """
+    from scipy.spatial.transform import Rotation  # 0.4 s to import: only for drives with oxts
+
     imu_from_velo = inverse(velo_from_imu)
     origin: Float64Array | None = None
     scale = 1.0
@@ -79,9 +82,10 @@ def poses_from_oxts(
             scale = float(np.cos(np.radians(latitude_deg)))
         east_m = scale * EARTH_RADIUS_M * np.radians(longitude_deg)
         north_m = scale * EARTH_RADIUS_M * np.log(np.tan(np.radians(90 + latitude_deg) / 2))
-        place = np.array([east_m, north_m, altitude_m])
-        origin = place if origin is None else origin
-        world_from_imu = rigid(_rotation(*angles_rad), place - origin)
+        position = np.array([east_m, north_m, altitude_m])
+        origin = position if origin is None else origin
+        rotation = Rotation.from_euler("xyz", angles_rad)  # fixed axes: roll, then pitch, then yaw
+        world_from_imu = rigid(rotation.as_matrix(), position - origin)
         poses[number] = world_from_imu @ imu_from_velo
     return poses
 
@@ -96,22 +100,13 @@ def _read_record(path: Path) -> tuple[float, ...]:
     return values[:6]
 
 
-def _rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array:
-    """world_from_imu: turned by roll about x, then pitch about y, then yaw about z."""
-    (cr, cp, cy), (sr, sp, sy) = (f([roll_rad, pitch_rad, yaw_rad]) for f in (np.cos, np.sin))
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
-
-
 def read_timestamps(path: Path) -> list[int | None]:
-    """KITTI raw's timestamps.txt as nanoseconds since 1970; None for a blank line.
+    """Read KITTI raw's timestamps.txt: nanoseconds since 1970, None for a blank line.
 
     Raises
     ------
     CalibrationError
-        A line is no date and time; names file and line.
+        A line is not a date and time; the message names file and line.
     """
     timestamps_ns: list[int | None] = []
     for line_number, line in enumerate(read_lines(path), start=1):
@@ -122,13 +117,13 @@ def read_timestamps(path: Path) -> list[int | None]:
             timestamps_ns.append(int(np.datetime64(text, "ns").astype(np.int64)) if text else None)
         except ValueError:
             raise CalibrationError(
-                f"{path}, line {line_number}: {text[:40]!r} is no date and time."
+                f"{path}, line {line_number}: {text[:40]!r} is not a date and time."
             ) from None
     return timestamps_ns
 
 
 def read_seconds(path: Path) -> list[int | None]:
-    """KITTI odometry's times.txt (seconds, one a line) as nanoseconds."""
+    """Read KITTI odometry's times.txt (one time in seconds a line): nanoseconds."""
     timestamps_ns: list[int | None] = []
     for line_number, line in enumerate(read_lines(path), start=1):
         values = parse_numbers(line, path, line_number)
@@ -138,21 +133,24 @@ def read_seconds(path: Path) -> list[int | None]:
     return timestamps_ns
 
 
-def present(timestamps_ns: Mapping[int, int | None]) -> dict[int, int]:
-    """The stamps that are there."""
-    return {number: stamp for number, stamp in timestamps_ns.items() if stamp is not None}
+def known_timestamps(timestamps_ns: Mapping[int, int | None]) -> dict[int, int]:
+    """The timestamps without the missing ones."""
+    return {number: time_ns for number, time_ns in timestamps_ns.items() if time_ns is not None}
 
 
-def carried_to_velo(
+def lidar_poses(
     world_from_cam: Sequence[Float64Array], cam_from_velo: Float64Array
 ) -> list[Float64Array]:
-    """Camera-0 poses as LiDAR poses, in a world that is the LiDAR's frame at the first of them.
+    """LiDAR poses from poses of camera 0.
+
+    KITTI's first camera pose is the identity. The world frame of the result is then the LiDAR's
+    frame at the first pose.
 
     Examples
     --------
     >>> cam_from_velo = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
     >>> ten_metres_ahead = rigid(np.eye(3), [0.0, 0.0, 10.0])
-    >>> carried_to_velo([ten_metres_ahead], cam_from_velo)[0][:3, 3].tolist()
+    >>> lidar_poses([ten_metres_ahead], cam_from_velo)[0][:3, 3].tolist()
     [10.0, 0.0, 0.0]
     """
     velo_from_cam = inverse(cam_from_velo)

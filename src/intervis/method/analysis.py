@@ -16,7 +16,7 @@ from intervis.arrays import (
     checked_point,
     checked_points,
 )
-from intervis.camera import Camera
+from intervis.camera import Camera, default_viewpoint
 from intervis.errors import CameraError, PointsError
 from intervis.method import graph
 from intervis.method.criteria import apply_criteria, intervisible_region, reachable_tree
@@ -27,7 +27,7 @@ from intervis.method.mesh import build_mesh, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
 from intervis.method.surface import build_surface
 from intervis.settings import Settings
-from intervis.transform import checked_pose, inverse, transform
+from intervis.transform import checked_pose
 
 
 @dataclass(frozen=True)
@@ -316,9 +316,7 @@ def meta_viewpoint(
     """P0: the viewpoint asked for, or the camera's centre, or the sensor."""
     if viewpoint is not None:
         return checked_point(viewpoint)
-    if camera is not None and cam_from_velo is not None:
-        return transform(inverse(cam_from_velo), camera.centre_cam)
-    return np.zeros(3)
+    return default_viewpoint(camera, cam_from_velo)
 
 
 def _sample(in_view: Float64Array, viewpoint: Float64Array, settings: Settings) -> IntArray:

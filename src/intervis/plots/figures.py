@@ -22,7 +22,7 @@ from intervis.plots.style import (
     page_figure,
     save_figure,
 )
-from intervis.transform import inverse, transform
+from intervis.transform import inverse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -338,7 +338,7 @@ def _view_borders(frame: "Frame", analysis: "Analysis", far_m: float) -> list[Fl
     view = analysis.settings.view
     if view == "camera" and frame.camera is not None and frame.cam_from_velo is not None:
         camera, velo_from_cam = frame.camera, inverse(frame.cam_from_velo)
-        centre = transform(velo_from_cam, camera.centre_cam)
+        centre = frame.viewpoint_velo
         sides = []
         for column in (0.0, float(camera.width_px)):
             ray_cam = np.linalg.solve(camera.projection[:, :3], [column, camera.cy_px, 1.0])

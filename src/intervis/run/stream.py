@@ -234,14 +234,7 @@ def start_viewpoint_world(drive: "Drive") -> Float64Array:
             "the viewpoint 'start' is carried along by the poses, and this drive has none:"
             " choose camera, sensor or coordinates."
         )
-    return transform(first.pose, camera_centre_velo(first))
-
-
-def camera_centre_velo(frame: "Frame") -> Float64Array:
-    """(3,) the camera's centre in the sensor's frame, metres; the sensor where there is none."""
-    if frame.camera is None or frame.cam_from_velo is None:
-        return np.zeros(3)
-    return transform(inverse(frame.cam_from_velo), frame.camera.centre_cam)
+    return transform(first.pose, first.viewpoint_velo)
 
 
 def _outcomes(

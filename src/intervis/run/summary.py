@@ -31,7 +31,7 @@ def describe(drive: "Drive", settings: Settings, viewpoint: str | list[float]) -
         "intervis": intervis.__version__,
         "viewpoint": viewpoint,
         "settings": settings.model_dump(mode="json"),
-        "input": drive.identity(),
+        "input": drive.fingerprint(),
     }
     # As it will be read back: paths and tuples become text and lists here, not at comparison.
     return dict(json.loads(json.dumps(head, default=str)))

@@ -77,7 +77,7 @@ def evaluate(
     with _opened(source) as drive:
         evaluations = _evaluations(drive, asked, known, rivals)
         graphs = _graphs(drive, asked) if graph else {}
-        identity = drive.identity()
+        identity = drive.fingerprint()
     tables = _tables(evaluations, graphs, every_setting)
     for table in tables:
         show(table.as_text() + "\n")
