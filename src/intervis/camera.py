@@ -6,6 +6,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.errors import CameraError
+from intervis.transform import inverse, transform
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,3 +85,20 @@ class Camera:
         """(3,) the camera's own centre in rectified coordinates: where the projection is 0."""
         solved = np.linalg.solve(self.projection[:, :3], self.projection[:, 3])
         return np.asarray(-solved, dtype=np.float64)
+
+    def centre_velo(self, cam_from_velo: Float64Array) -> Float64Array:
+        """(3,) the camera's centre in the sensor's frame, metres.
+
+        Parameters
+        ----------
+        cam_from_velo : (4, 4) float64 array
+            The camera's extrinsics: sensor to rectified camera frame.
+
+        Examples
+        --------
+        >>> camera = Camera(np.array([[9.0, 0, 5, 0], [0, 9, 5, 0], [0, 0, 1, 0]]), 10, 10)
+        >>> cam_from_velo = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, -2], [0, 0, 0, 1]])
+        >>> (camera.centre_velo(cam_from_velo) + 0.0).tolist()
+        [2.0, 0.0, 0.0]
+        """
+        return transform(inverse(cam_from_velo), self.centre_cam)
