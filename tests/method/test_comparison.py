@@ -23,7 +23,7 @@ def street(seed: int, count: int) -> np.ndarray:
     return points
 
 
-def obstacles_by_hand(points, viewpoint, corridor_m, gap_m, slack):
+def obstacles_by_hand(points, viewpoint, buffer_m, target_margin_m, slack):
     """For each target: obstacles beyond doubt, and whether any point is too close to call."""
     sure, doubtful = [], []
     for i, (qx, qy, qz) in enumerate(points - viewpoint):
@@ -34,7 +34,12 @@ def obstacles_by_hand(points, viewpoint, corridor_m, gap_m, slack):
                 continue
             along = (px * qx + py * qy) / reach
             beside = abs(px * qy - py * qx) / reach
-            margins = (corridor_m - beside, along, reach - gap_m - along, pz - qz * along / reach)
+            margins = (
+                buffer_m - beside,
+                along,
+                reach - target_margin_m - along,
+                pz - qz * along / reach,
+            )
             doubt |= abs(min(margins)) < slack
             count += min(margins) > 0
         sure.append(count)
@@ -44,17 +49,19 @@ def obstacles_by_hand(points, viewpoint, corridor_m, gap_m, slack):
 
 @given(seeds, st.integers(2, 60), st.floats(0.05, 3.0), st.floats(0.0, 2.0))
 @settings(max_examples=25, deadline=None)
-def test_global_points_agree_with_one_loop_in_a_loop(seed, count, corridor_m, gap_m):
+def test_global_points_agree_with_one_loop_in_a_loop(seed, count, buffer_m, target_margin_m):
     points = street(seed, count)
     viewpoint = np.array([0.3, 0.1, 0.2])
-    result = global_points(points, viewpoint=viewpoint, corridor_m=corridor_m, gap_m=gap_m)
-    sure, doubtful = obstacles_by_hand(points, viewpoint, corridor_m, gap_m, 1e-4)
+    result = global_points(
+        points, viewpoint=viewpoint, buffer_m=buffer_m, target_margin_m=target_margin_m
+    )
+    sure, doubtful = obstacles_by_hand(points, viewpoint, buffer_m, target_margin_m, 1e-4)
     assert doubtful.mean() < 0.2 or count < 10
     np.testing.assert_array_equal(result.obstacles[~doubtful], sure[~doubtful])
     assert result.comparisons == count**2
 
 
-def crossings_by_hand(offset, edges, gap_m):
+def crossings_by_hand(offset, edges, target_margin_m):
     """Every sight line against every edge of the mesh, by the signs of four triangles."""
 
     def turn(a, b, c):
@@ -72,7 +79,7 @@ def crossings_by_hand(offset, edges, gap_m):
                 continue
             s = turn(a, b, target) / (turn(a, b, target) - turn(a, b, eye))
             w = turn(eye, target, a) / (turn(eye, target, a) - turn(eye, target, b))
-            if s * reach > gap_m:
+            if s * reach > target_margin_m:
                 crossed[i] += 1
                 above[i] += a[2] + w * (b[2] - a[2]) > (1 - s) * target[2]
     return above, crossed
@@ -80,15 +87,17 @@ def crossings_by_hand(offset, edges, gap_m):
 
 @given(seeds, st.integers(3, 80), st.floats(0.0, 3.0), st.booleans())
 @settings(max_examples=25, deadline=None)
-def test_interpolation_points_agree_with_all_lines_against_all_edges(seed, count, gap_m, ahead):
+def test_interpolation_points_agree_with_all_lines_against_all_edges(
+    seed, count, target_margin_m, ahead
+):
     points = street(seed, count)
     if ahead:  # as in a camera's view: the surface ends before the viewpoint does
         points[:, 0] = np.abs(points[:, 0]) + 6.0
     viewpoint = np.array([0.31, 0.17, 0.2])
-    result = interpolation_points(points, viewpoint=viewpoint, gap_m=gap_m)
+    result = interpolation_points(points, viewpoint=viewpoint, target_margin_m=target_margin_m)
     offset = points - viewpoint
     edges = build_mesh(offset[:, :2]).edges
-    above, crossed = crossings_by_hand(offset, edges, gap_m)
+    above, crossed = crossings_by_hand(offset, edges, target_margin_m)
     np.testing.assert_array_equal(result.obstacles, above)
     assert result.comparisons == crossed.sum()
 
@@ -120,9 +129,9 @@ def test_a_wall_on_flat_ground_hides_what_the_intercept_theorem_says():
     points = np.column_stack([grid, np.where(grid[:, 0] == 10, -1.2, -1.7)])
     shadow = (grid[:, 0] > 10) & (grid[:, 0] < 10 * 1.7 / 1.2)
     middle = np.abs(grid[:, 1]) <= 0.5
-    seen = global_points(points, corridor_m=0.15, gap_m=0.2).node_intervisible
+    seen = global_points(points, buffer_m=0.15, target_margin_m=0.2).node_intervisible
     np.testing.assert_array_equal(seen[middle], ~shadow[middle])
-    seen = interpolation_points(points, gap_m=0.0).node_intervisible
+    seen = interpolation_points(points, target_margin_m=0.0).node_intervisible
     # The surface slopes down behind the wall for one row: the shadow is the same.
     np.testing.assert_array_equal(seen[middle], ~shadow[middle])
 
@@ -163,10 +172,10 @@ def test_three_returns_or_a_line_of_them_are_enough():
 def test_bad_requests_say_what_is_wrong():
     with pytest.raises(PointsError, match="no return"):
         global_points(np.full((3, 3), np.nan))
-    with pytest.raises(SettingsError, match="corridor_m"):
-        global_points(street(0, 5), corridor_m=0.0)
-    with pytest.raises(SettingsError, match="gap_m"):
-        interpolation_points(street(0, 5), gap_m=-1.0)
+    with pytest.raises(SettingsError, match="buffer_m"):
+        global_points(street(0, 5), buffer_m=0.0)
+    with pytest.raises(SettingsError, match="target_margin_m"):
+        interpolation_points(street(0, 5), target_margin_m=-1.0)
 
 
 def test_a_line_walks_on_over_slivers():
@@ -185,7 +194,7 @@ def test_no_hole_lets_a_line_through_on_a_real_frame(shared_data, number):
     """A walk ends at P0 or at the hull, so its crossings are all there are."""
     frame = intervis.open_drive(shared_data / "kitti_object")[number]
     mount = {"camera": frame.camera, "cam_from_velo": frame.cam_from_velo}
-    result = interpolation_points(frame.points, **mount, gap_m=0.0)
+    result = interpolation_points(frame.points, **mount, target_margin_m=0.0)
     offset = result.node_points - result.viewpoint
     target = np.random.default_rng(0).choice(len(offset), 60, replace=False)
     start, stop = offset[result.edges[:, 0]], offset[result.edges[:, 1]]

@@ -13,12 +13,12 @@ from intervis import Settings, analyze
 from intervis.errors import SettingsError
 from intervis.method.granularity import (
     BUDGET_SHARE,
-    LADDER,
+    TAU_CANDIDATES,
     TPI_LOST,
-    SteadyTau,
+    TauHysteresis,
     choose_tau,
     floor_nodes,
-    machine_pace,
+    machine_speed_factor,
     predicted_ms,
 )
 
@@ -27,7 +27,7 @@ returns_in_view = st.integers(1, 300_000)
 
 
 def test_the_ladder_rises_by_steps_of_a_fifth_and_the_measured_curve_falls():
-    for below, above in itertools.pairwise(LADDER):
+    for below, above in itertools.pairwise(TAU_CANDIDATES):
         assert below < above <= below * 1.25 + 1
     lost = [points for _, points in TPI_LOST]
     assert lost == sorted(lost, reverse=True)
@@ -44,40 +44,40 @@ def test_the_floor_is_kept_and_the_next_step_would_break_it(n_fov, tolerance):
     floor = floor_nodes(tolerance)
     tau = choose_tau(n_fov, Settings(tau="auto", tpi_tolerance=tolerance))
     assert tau == 1 or ceil(n_fov / tau) >= floor
-    coarser = [step for step in LADDER if step > tau]
+    coarser = [step for step in TAU_CANDIDATES if step > tau]
     assert not coarser or ceil(n_fov / coarser[0]) < floor
 
 
 @given(returns_in_view, tolerances, st.floats(1.0, 500.0), st.floats(0.2, 5.0))
-def test_a_budget_is_met_or_the_floor_says_why_not(n_fov, tolerance, budget_ms, pace):
+def test_a_budget_is_met_or_the_floor_says_why_not(n_fov, tolerance, budget_ms, speed_factor):
     asked = Settings(tau="auto", tpi_tolerance=tolerance, time_budget_ms=budget_ms)
-    tau = choose_tau(n_fov, asked, pace=pace)
+    tau = choose_tau(n_fov, asked, speed_factor=speed_factor)
     coarsest = choose_tau(n_fov, asked.with_changes(time_budget_ms=None))
     assert tau <= coarsest
-    assert predicted_ms(n_fov, tau, pace) <= budget_ms or tau == coarsest
+    assert predicted_ms(n_fov, tau, speed_factor) <= budget_ms or tau == coarsest
     if tau > 1 and tau != coarsest:  # and it is the finest that meets it
-        finer = max(step for step in LADDER if step < tau)
-        assert predicted_ms(n_fov, finer, pace) > BUDGET_SHARE * budget_ms
+        finer = max(step for step in TAU_CANDIDATES if step < tau)
+        assert predicted_ms(n_fov, finer, speed_factor) > BUDGET_SHARE * budget_ms
 
 
 @given(st.integers(2_000, 60_000), st.lists(st.floats(0.92, 1.08), min_size=1, max_size=20))
 def test_it_holds_still_while_the_returns_in_view_come_and_go(n_fov, wobble):
-    steady = SteadyTau(Settings(tau="auto", tpi_tolerance=6.0))
-    first = steady.choose(n_fov)
-    assert {steady.choose(int(n_fov * share)) for share in wobble} == {first}
+    hysteresis = TauHysteresis(Settings(tau="auto", tpi_tolerance=6.0))
+    first = hysteresis.choose(n_fov)
+    assert {hysteresis.choose(int(n_fov * share)) for share in wobble} == {first}
 
 
 @given(st.lists(returns_in_view, min_size=1, max_size=20), tolerances)
 def test_holding_still_never_breaks_the_floor(counts, tolerance):
-    steady = SteadyTau(Settings(tau="auto", tpi_tolerance=tolerance))
+    hysteresis = TauHysteresis(Settings(tau="auto", tpi_tolerance=tolerance))
     for n_fov in counts:
-        tau = steady.choose(n_fov)
+        tau = hysteresis.choose(n_fov)
         assert tau == 1 or ceil(n_fov / tau) >= floor_nodes(tolerance)
 
 
 def test_a_number_leaves_no_choice():
     with pytest.raises(SettingsError, match="auto"):
-        SteadyTau(Settings(tau=35))
+        TauHysteresis(Settings(tau=35))
 
 
 def test_analyze_takes_the_granularity_that_is_chosen(rng):
@@ -89,7 +89,7 @@ def test_analyze_takes_the_granularity_that_is_chosen(rng):
 
 
 def test_the_pace_of_this_machine_is_a_positive_number():
-    assert 0 < machine_pace() < 1000
+    assert 0 < machine_speed_factor() < 1000
 
 
 @pytest.mark.realdata

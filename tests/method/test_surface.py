@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import distance as scipy_distance
 
+from intervis import Settings
 from intervis.method.surface import (
     build_surface,
     chart_coordinates,
@@ -196,9 +197,11 @@ def test_charts_keep_the_direction_from_the_viewpoint(chart, rng):
 
 def test_without_forces_the_ground_chart_is_the_ground_plane(rng):
     points, viewpoint = rng.normal(size=(50, 3)) * 10, np.array([1.0, -2.0, 0.5])
-    surface = build_surface(points, viewpoint, cohesion=0.0, repulsion=0.0, chart="ground")
+    surface = build_surface(points, viewpoint, Settings(cohesion=0.0, repulsion=0.0))
     assert np.allclose(surface.chart, (points - viewpoint)[:, :2])
-    polar = build_surface(points, viewpoint, cohesion=0.0, repulsion=0.0, chart="polar").chart
+    polar = build_surface(
+        points, viewpoint, Settings(cohesion=0.0, repulsion=0.0, chart="polar")
+    ).chart
     assert np.allclose(np.exp(polar[:, 1]), np.linalg.norm((points - viewpoint)[:, :2], axis=1))
 
 
@@ -209,8 +212,8 @@ def test_forces_even_out_the_distribution(rng):
     points = np.column_stack(
         [range_m * np.cos(azimuth_rad), range_m * np.sin(azimuth_rad), np.full(2000, -1.7)]
     )
-    plain = build_surface(points, ORIGIN, cohesion=0.0, repulsion=0.0).chart
-    moved = build_surface(points, ORIGIN, cohesion=0.0, repulsion=0.1).chart
+    plain = build_surface(points, ORIGIN, Settings(cohesion=0.0, repulsion=0.0)).chart
+    moved = build_surface(points, ORIGIN, Settings(cohesion=0.0, repulsion=0.1)).chart
     near = 6.0
     assert (np.linalg.norm(moved, axis=1) < near).sum() < (
         np.linalg.norm(plain, axis=1) < near
@@ -228,6 +231,6 @@ def test_few_equal_or_collinear_points_give_finite_surfaces(metric, chart, n):
         np.column_stack([np.arange(1.0, n + 1), np.zeros(n), np.zeros(n)]),
         np.zeros((n, 3)),
     ):
-        surface = build_surface(points, ORIGIN, metric=metric, chart=chart)
+        surface = build_surface(points, ORIGIN, Settings(metric=metric, chart=chart))
         assert np.isfinite(surface.chart).all()
         assert np.isfinite(surface.flow_distance).all()

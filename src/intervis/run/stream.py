@@ -12,7 +12,7 @@ from intervis.arrays import Float64Array, checked_point, checked_points
 from intervis.errors import DriveError, IntervisError, OutputError, SettingsError
 from intervis.files import write_text
 from intervis.method.analysis import Analysis, analyze, field_of_view
-from intervis.method.granularity import SteadyTau
+from intervis.method.granularity import TauHysteresis
 from intervis.run.frame_file import FrameRecord, frame_path, load_record, save_frame
 from intervis.run.summary import (
     as_json,
@@ -204,7 +204,7 @@ class _Granularity:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         chooses = settings.tau == "auto" and settings.sampling != "radius"
-        self._steady = SteadyTau(settings) if chooses else None
+        self._steady = TauHysteresis(settings) if chooses else None
 
     def settings_for(self, frame: "Frame") -> Settings:
         """The settings of the next frame."""
@@ -241,7 +241,7 @@ def camera_centre_velo(frame: "Frame") -> Float64Array:
     """(3,) the camera's centre in the sensor's frame, metres; the sensor where there is none."""
     if frame.camera is None or frame.cam_from_velo is None:
         return np.zeros(3)
-    return transform(inverse(frame.cam_from_velo), frame.camera.centre_cam)
+    return frame.camera.centre_velo(frame.cam_from_velo)
 
 
 def _outcomes(
