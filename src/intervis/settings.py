@@ -98,6 +98,7 @@ class Settings(BaseModel):
     criterion: Criterion = "sight_angle"
 
     def __init__(self, **values: Any) -> None:
+        """Validate the values; settings that are not given have their defaults."""
         for name in values:
             if name not in type(self).model_fields:
                 raise SettingsError(f"unknown setting {name!r}: {_suggestion(name)}")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 from scipy.spatial import distance as scipy_distance
 
 from intervis import Settings
@@ -124,6 +125,48 @@ def test_flow_distance_is_the_shortest_path(seed, n):
         else:
             assert distance[i] == pytest.approx(np.linalg.norm(y[i]))
     assert (distance >= np.linalg.norm(y, axis=1) - 1e-9).all()  # never shorter than straight
+
+
+def scipy_paths(y, neighbours, reached):
+    """The same by scipy.sparse.csgraph: P0 is one more node, joined to one island after another."""
+    n, tiny = len(y), np.finfo(float).tiny
+    i, j = np.repeat(np.arange(n), neighbours.shape[1]), neighbours.ravel()
+    length = np.maximum(np.linalg.norm(y[i] - y[j], axis=1), tiny)
+    direct = np.maximum(np.linalg.norm(y, axis=1), tiny)
+    roots = np.flatnonzero(reached)
+    while True:
+        graph = np.full((n + 1, n + 1), np.inf)
+        graph[i, j] = graph[j, i] = length
+        graph[n, roots] = direct[roots]
+        found = dijkstra(csgraph_from_dense(graph, null_value=np.inf), indices=n)[:n]
+        islands = np.flatnonzero(np.isinf(found))
+        if not len(islands):
+            return found
+        roots = np.append(roots, islands[np.argmin(direct[islands])])
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.booleans())
+def test_flow_distance_equals_scipys_dijkstra(seed, n, grid):
+    rng = np.random.default_rng(seed)
+    # On a small grid many paths have one length, and points coincide.
+    y = rng.integers(-3, 4, (n, 3)).astype(float) if grid else rng.normal(size=(n, 3)) * 5
+    neighbours = nearest_neighbours(y)[:, :3]
+    reached = rng.random(n) < 0.2
+    distance, parent = flow_paths(y, neighbours, reached)
+    assert np.allclose(distance, scipy_paths(y, neighbours, reached), rtol=1e-14, atol=1e-300)
+    on_path = parent >= 0
+    step = np.linalg.norm(y[on_path] - y[parent[on_path]], axis=1)
+    assert np.allclose(distance[on_path], distance[parent[on_path]] + step)
+
+
+def test_of_paths_of_one_length_the_lowest_node_comes_before():
+    # A diamond: (2, 0) is as far over node 2 as over node 1.
+    y = np.array([[2.0, 0, 0], [1, 1, 0], [1, -1, 0]])
+    for neighbours in ([[1, 2], [0, 2], [0, 1]], [[2, 1], [2, 0], [1, 0]]):
+        reached = np.array([False, True, True])
+        distance, parent = flow_paths(y, np.array(neighbours), reached)
+        assert distance[0] == 2 * np.sqrt(2)
+        assert parent.tolist() == [1, -1, -1]
 
 
 def test_flow_on_paper():

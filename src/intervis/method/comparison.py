@@ -8,6 +8,8 @@ Delaunay mesh of the same points over the ground plane, and an edge is intervisi
 lines to both of its ends are clear.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
