@@ -1,4 +1,4 @@
-"""The whole method: invariants, real frames, and what malformed input gets."""
+"""The whole method: invariants, real frames, and the errors for malformed input."""
 
 import inspect
 import itertools
@@ -31,7 +31,7 @@ def street(seed, n=1500):
     return np.vstack([ground, facade])
 
 
-def turned(points, angle_rad, shift):
+def rotated(points, angle_rad, shift):
     return Rotation.from_euler("z", angle_rad).apply(points) + shift
 
 
@@ -42,13 +42,13 @@ def turned(points, angle_rad, shift):
     st.sampled_from(["ground", "euclidean", "mahalanobis"]),
     st.sampled_from(["elevation", "sight_angle"]),
 )
-def test_turning_and_moving_the_whole_world_changes_nothing(seed, angle_rad, metric, criterion):
+def test_a_rigid_motion_of_points_and_viewpoint_changes_nothing(seed, angle_rad, metric, criterion):
     points, viewpoint, shift = street(seed), np.array([0.3, 0.1, 0.0]), np.array([4.0, -7.0, 2.5])
     chosen = Settings(view="circle", tau=20, metric=metric, criterion=criterion)
     here = analyze(points, viewpoint=viewpoint, settings=chosen)
     there = analyze(
-        turned(points, angle_rad, shift),
-        viewpoint=turned(viewpoint, angle_rad, shift),
+        rotated(points, angle_rad, shift),
+        viewpoint=rotated(viewpoint, angle_rad, shift),
         settings=chosen,
     )
     assert there.nodes.tolist() == here.nodes.tolist()
@@ -75,7 +75,7 @@ def test_the_order_of_the_scan_changes_nothing(seed):
     assert again == own
 
 
-def test_what_holds_of_every_result():
+def test_invariants_of_a_result():
     result = analyze(street(0), camera=CAMERA, cam_from_velo=CAM_FROM_VELO)
     measures = result.measures
     assert measures.n == len(result.nodes) == -(-measures.n_fov // 35)
@@ -95,11 +95,11 @@ def test_what_holds_of_every_result():
     assert 0 < result.fiedler_cut()
 
 
-def test_the_viewpoint_is_the_camera_unless_said():
+def test_the_viewpoint_is_the_camera_by_default():
     points = street(0)
     baseline_term = np.array([[0, 0, 0, -350.0], [0, 0, 0, 0], [0, 0, 0, 0]])
     shifted = Camera(CAMERA.projection + baseline_term, 1242, 375)
-    # P[0, 3] = -F B with B = 0.5 m: the camera stands half a metre to the right of the sensor.
+    # P[0, 3] = -F B with B = 0.5 m: the camera is half a metre to the right of the sensor.
     result = analyze(points, camera=shifted, cam_from_velo=CAM_FROM_VELO)
     assert np.allclose(result.viewpoint, [0, -0.5, 0])
     assert analyze(points).viewpoint.tolist() == [0, 0, 0]
@@ -140,8 +140,8 @@ def test_every_setting_reaches_its_stage(chart, sampling, metric):
 
 def test_weights_reach_the_laplacian_and_the_cut():
     # A right triangle with sides 3, 4 and 5 over the ground. By elevation only the first two nodes
-    # see each other: the second is beyond the first and higher, the third is the lowest, and it
-    # lies square to the sight line to the second (theta_1 = 90 degrees: no line applies).
+    # see each other: the second is beyond the first and higher, the third is the lowest, and at
+    # the second the angle theta_1 between P0 and the third is 90 degrees, where no line applies.
     points = np.array([[10.0, 0, -1], [13, 0, 0], [13, 4, -2]])
     plain = Settings(tau=1, gate="none", criterion="elevation")
     by_length = analyze(points, settings=plain)
@@ -202,7 +202,7 @@ def test_points_that_are_not_finite_are_counted_and_keep_the_indices():
     ids=["one", "two", "three", "collinear", "all equal", "all at the viewpoint"],
 )
 @pytest.mark.parametrize("tau", [1, 35])
-def test_few_or_degenerate_points_give_a_small_honest_result(points, tau):
+def test_few_or_degenerate_points_give_a_small_result(points, tau):
     for chart, metric in itertools.product(
         ["ground", "angles", "polar"], ["ground", "mahalanobis"]
     ):
@@ -226,7 +226,7 @@ def test_few_or_degenerate_points_give_a_small_honest_result(points, tau):
         (np.full((5, 3), np.nan), "0 are returns"),
     ],
 )
-def test_malformed_points_get_one_sentence(points, sentence):
+def test_malformed_points_get_a_clear_message(points, sentence):
     with pytest.raises(PointsError, match=sentence):
         analyze(points)
 
@@ -266,7 +266,7 @@ def test_impossible_tau(tau):
         Settings(tau=tau)
 
 
-def test_a_tau_too_long_to_print_gets_a_sentence_as_well():
+def test_a_tau_too_long_to_print_gets_a_clear_message():
     with pytest.raises(SettingsError, match="'tau' must be at most 2147483647"):
         Settings(tau=10**5000)
 
@@ -276,7 +276,7 @@ def test_the_greatest_tau_gives_one_node():
     assert (result.measures.n, result.measures.SP, result.measures.TPI) == (1, 0, 0.0)
 
 
-def test_what_a_person_reads():
+def test_repr_and_signature_are_short():
     result = analyze(street(0), settings=Settings(tau=20))
     m = result.measures
     assert repr(result) == (

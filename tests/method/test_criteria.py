@@ -1,4 +1,4 @@
-"""MPCS and Algorithm 1 (Eq. 13) on stars small enough for paper, and against a literal double."""
+"""MPCS and Algorithm 1 (Eq. 13) on small stars by hand, and against the pseudo code as a loop."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_elevation_angles_on_paper():
     assert np.allclose(np.rad2deg(elevation_angle_rad(points, ORIGIN)), [45, 0, -45])
 
 
-def test_readings_of_the_threshold_on_paper():
+def test_interpretations_of_the_threshold_on_paper():
     # A path 0 - 1 - 2 with lengths 2 and 5: degrees 2, 7, 5.
     source, target = np.array([0, 1, 1, 2]), np.array([1, 2, 0, 1])
     length = np.array([2.0, 5, 2, 5])
@@ -48,8 +48,8 @@ def test_readings_of_the_threshold_on_paper():
         assert gate_threshold(source, target, length, 3, gate).tolist() == values
 
 
-def judge_star(neighbour, criterion):
-    """Whether the second point of a pair is judged intervisible from the first at (10, 0, -1)."""
+def intervisible_pair(neighbour, criterion):
+    """Whether the second point of a pair is intervisible from the first at (10, 0, -1)."""
     points = np.array([[10.0, 0, -1], neighbour])
     result = apply_criteria(
         points,
@@ -66,18 +66,18 @@ def judge_star(neighbour, criterion):
 @pytest.mark.parametrize(
     ("neighbour", "by_elevation", "by_sight_angle"),
     [
-        ((12.0, 0, -0.5), True, True),  # beyond and higher: seen over i
-        ((12.0, 0, -1.0), False, True),  # flat ground beyond: z says equal, the eye sees it
+        ((12.0, 0, -0.5), True, True),  # beyond and higher: visible over i
+        ((12.0, 0, -1.0), False, True),  # flat ground beyond: equal z, larger elevation angle
         ((12.0, 0, -1.1), False, True),  # a little lower, still above the sight line over i
         ((12.0, 0, -1.3), False, False),  # under the sight line, which is at z = -1.2 there
-        ((8.0, 0, -1.5), True, True),  # in front and lower: does not cover i
+        ((8.0, 0, -1.5), True, True),  # in front and lower: does not occlude i
         ((8.0, 0, -1.0), False, True),  # flat ground in front
-        ((8.0, 0, -0.5), False, False),  # in front and higher: covers i
+        ((8.0, 0, -0.5), False, False),  # in front and higher: occludes i
     ],
 )
 def test_lines_6_and_8(neighbour, by_elevation, by_sight_angle):
-    assert judge_star(neighbour, "elevation") is by_elevation
-    assert judge_star(neighbour, "sight_angle") is by_sight_angle
+    assert intervisible_pair(neighbour, "elevation") is by_elevation
+    assert intervisible_pair(neighbour, "sight_angle") is by_sight_angle
 
 
 def test_sight_line_criterion_on_paper():
@@ -143,7 +143,7 @@ def literal_algorithm_1(points, p0, edges, length, flow, l_gc, criterion):
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 60), st.sampled_from(["elevation", "sight_angle"]))
-def test_equals_the_literal_double(seed, n, criterion):
+def test_equals_the_pseudo_code(seed, n, criterion):
     rng = np.random.default_rng(seed)
     points = rng.uniform([4, -15, -2], [50, 15, 2], (n, 3))
     p0 = rng.normal(size=3)
@@ -161,7 +161,7 @@ def test_equals_the_literal_double(seed, n, criterion):
     assert not result.handed_over.any()
 
 
-def test_the_gate_keeps_out_what_spreads_wider_than_its_distance():
+def test_the_gate_compares_the_degree_with_the_flow_distance():
     """Line 1: the row sum of edge lengths must stay under the flow distance."""
     points = np.array([[10.0, 0, -1], [11, 0, -1], [10, 1, -1]])
     edges, length = np.array([[0, 1], [0, 2], [1, 2]]), np.array([1.0, 1.0, np.sqrt(2)])

@@ -1,4 +1,4 @@
-"""Eq. 1 and 2 against values worked out by hand, a slow double and the real calibration."""
+"""Eq. 1 and 2 against values by hand, a plain loop and the real calibration."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_baseline_shifts_the_pixel_by_focal_length_times_baseline_over_depth():
 
 
 @pytest.mark.parametrize(
-    ("point", "seen"),
+    ("point", "in_view"),
     [
         (
             (10.0, 6.999, 0.0),
@@ -48,9 +48,9 @@ def test_baseline_shifts_the_pixel_by_focal_length_times_baseline_over_depth():
         ((0.0, 0.0, 0.0), False),  # at the camera: no direction
     ],
 )
-def test_edges_of_the_image(point, seen):
+def test_edges_of_the_image(point, in_view):
     found = in_camera(np.array([point]), camera(), CAM_FROM_VELO)
-    assert (len(found.index) == 1) == seen
+    assert (len(found.index) == 1) == in_view
 
 
 def test_points_that_are_not_finite_are_dropped_and_counted():
@@ -61,7 +61,7 @@ def test_points_that_are_not_finite_are_dropped_and_counted():
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([np.float32, np.float64]))
-def test_equals_the_textbook_double(seed, dtype):
+def test_equals_a_plain_loop(seed, dtype):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(200, 3)).astype(dtype) * 20
     lens = camera(0.3)
@@ -78,7 +78,7 @@ def test_equals_the_textbook_double(seed, dtype):
 
 
 @given(st.floats(1, 359), st.integers(0, 2**32 - 1))
-def test_a_named_opening_is_an_angle_about_the_x_axis(fov_deg, seed):
+def test_an_azimuth_field_of_view_is_centred_on_the_x_axis(fov_deg, seed):
     points = np.random.default_rng(seed).normal(size=(50, 3))
     found = in_azimuth(points, fov_deg)
     azimuth_deg = np.rad2deg(np.arctan2(points[:, 1], points[:, 0]))

@@ -47,7 +47,7 @@ def test_rows_of_table_4(n, elements, arr, tpi, dcp):
     assert f"{average_redundancy_removal(N_RAW, n):.2f}" == f"{arr:.2f}"
     assert f"{decreasing_calculation(N_RAW, tpi / 100 * 3 * elements):.2f}" == f"{dcp:.2f}"
     hull = 2 * n - 2 - elements
-    assert 3 <= hull < 50  # N = 2n - 2 - h with a hull of believable size
+    assert 3 <= hull < 50  # N = 2n - 2 - h with a hull of plausible size
 
 
 def test_ceiling_of_tpi_is_just_over_a_half():
