@@ -136,6 +136,20 @@ def test_a_wall_on_flat_ground_occludes_what_the_intercept_theorem_says():
     np.testing.assert_array_equal(visible[middle], ~shadow[middle])
 
 
+@pytest.mark.parametrize(("beside_m", "occluded"), [(0.09, 1), (0.11, 0), (-0.09, 1)])
+def test_the_line_buffer_is_a_tenth_of_a_metre_to_each_side(beside_m, occluded):
+    scan = np.array([[10.0, 0, 0], [5.0, beside_m, 1.0]])
+    assert global_points(scan).obstacles[0] == occluded
+
+
+@pytest.mark.parametrize(("before_m", "occluded"), [(0.45, 0), (0.55, 1)])
+def test_the_last_half_metre_before_the_target_is_not_compared(before_m, occluded):
+    x = 10.0 - before_m
+    scan = np.array([[10.0, 0, 0], [x, -1, 1.0], [x, 1, 1.0]])
+    assert interpolation_points(scan).obstacles[0] == occluded
+    assert global_points(np.vstack([scan, [[x, 0, 1.0]]])).obstacles[0] == occluded
+
+
 def test_the_measures_are_those_of_the_mesh_of_the_same_points():
     points = street(5, 400)
     for method in (global_points, interpolation_points):

@@ -182,6 +182,26 @@ def test_the_viewpoint_reaches_the_nearest_point_of_each_direction():
     assert direct_reach(points, ORIGIN, points).tolist() == [True, False, False, True]
 
 
+def test_sectors_are_two_degrees_wide():
+    # 60 points at -29.5, -28.5, ... 29.5 degrees; the mean lies at 0, where a sector starts.
+    azimuth_rad = np.deg2rad(np.arange(-30, 30) + 0.5)
+    range_m = np.where(np.arange(60) % 2 == 0, 10.0, 20.0)
+    range_m = np.where(azimuth_rad < 0, range_m[::-1], range_m)  # symmetric about the x axis
+    points = np.column_stack(
+        [range_m * np.cos(azimuth_rad), range_m * np.sin(azimuth_rad), np.zeros(60)]
+    )
+    assert direct_reach(points, ORIGIN, points).tolist() == (range_m == 10.0).tolist()
+
+
+def test_forces_keep_at_least_half_the_ground_range():
+    points = np.array([[10.0, 0, 0], [0, 10, 0]])
+    toward_p0_m = np.array([[-9.0, 0, 0], [0, -4, 0]])
+    ground = chart_coordinates(points, toward_p0_m, ORIGIN, "ground")
+    assert np.allclose(ground, [[5, 0], [0, 6]])
+    polar = chart_coordinates(points, toward_p0_m, ORIGIN, "polar")
+    assert np.allclose(polar, [[0, np.log(5)], [np.pi / 2, np.log(6)]])
+
+
 def test_cohesion_equation_3_on_paper():
     y = np.array([[0.0, 0, 0], [2, 0, 0], [0, 4, 0]])
     force = cohesion_force(y, np.array([[1, 2], [0, 2], [0, 1]]), 0.5)
