@@ -1,4 +1,4 @@
-"""How long the two methods take that the paper compares with: `make bench`."""
+"""Time of the two methods that the paper compares with: `make bench`."""
 
 from intervis.method.comparison import global_points, interpolation_points
 
@@ -17,8 +17,8 @@ def test_interpolation_points(benchmark, frame):
 
 def test_global_points(benchmark, frame):
     """The paper: 1163.876 s for 125,148 returns."""
-    mount = {"camera": frame.camera, "cam_from_velo": frame.cam_from_velo}
-    global_points(frame.points[:64], **mount)
-    result = benchmark.pedantic(global_points, (frame.points,), mount, rounds=3)
+    camera = {"camera": frame.camera, "cam_from_velo": frame.cam_from_velo}
+    global_points(frame.points[:64], **camera)
+    result = benchmark.pedantic(global_points, (frame.points,), camera, rounds=3)
     benchmark.extra_info["comparisons"] = result.comparisons
     benchmark.extra_info["sight lines s"] = result.times.S3

@@ -18,52 +18,56 @@ Gate = Literal["degree", "mean", "shortest", "star_minimum", "none"]
 ConcaveBoundary = Literal["every", "any"]
 Criterion = Literal["elevation", "sight_angle", "sight_line"]
 
+MAX_TAU = 2**31 - 1
+"""Greatest granularity: more returns than any scan has, and safe for 64-bit products with n_fov."""
+
 
 class Settings(BaseModel):
-    """Every choice of the method, with the defaults that the measurements favour.
+    """All settings of the method; the defaults are those that the measurements favour.
 
     Attributes
     ----------
     view : {"camera", "circle", "front", "wide"}
-        What is in view: the camera's image (the full circle where a frame has no camera), the
-        full circle, or 90 or 180 degrees of azimuth ahead.
+        Field of view: the camera's image (for a scan without camera the full circle), the full
+        circle, or 90 or 180 degrees of azimuth ahead.
     tau : int or "auto"
-        Granularity: how many returns one spherical kernel takes in. 1 keeps every return; "auto"
-        chooses by `tpi_tolerance` and `time_budget_ms`.
+        Granularity: how many returns one sampling kernel holds, 1 to 2**31 - 1. 1 keeps every
+        return; "auto" chooses by `tpi_tolerance` and `time_budget_ms`.
     tpi_tolerance : float
-        For ``tau="auto"``: points of TPI that coarser sampling may cost, by the measured curve.
+        For ``tau="auto"``: points of TPI that coarser sampling may lose, by the measured curve.
     time_budget_ms : float or None
-        For ``tau="auto"``: tau is as fine as this time for a frame allows, but never so coarse
-        that `tpi_tolerance` is missed. None takes the coarsest tau within the tolerance.
+        For ``tau="auto"``: the finest tau whose predicted time for a frame is within this budget,
+        but never one so coarse that it breaks `tpi_tolerance`. None chooses the coarsest tau
+        within the tolerance.
     sampling : {"kernel", "stride", "radius"}
         Balanced compact kernels, every tau-th return, or balls of `radius_m` metres.
     radius_m : float
-        Size of a ball for ``sampling="radius"``, metres.
+        Radius of a ball for ``sampling="radius"``, metres.
     metric : {"mahalanobis", "normalized", "euclidean", "ground"}
-        The distance D: Eq. 4, Eq. 5, plain metres, or plain metres over the ground plane.
+        The distance D: Eq. 4, Eq. 5, metres in three dimensions, or metres over the ground plane.
     chart : {"ground", "angles", "polar"}
-        The two coordinates in which the mesh is built: the ground plane, azimuth and elevation
-        seen from the viewpoint, or azimuth and the logarithm of ground range.
+        Projection in which the mesh is built: the ground plane, azimuth and elevation seen from
+        the viewpoint, or azimuth and the logarithm of ground range.
     cohesion, repulsion : float
         The scale factors alpha (Eq. 3) and beta (Eq. 6).
     influence_radius : float or None
-        Radius of Eq. 6 in units of D; None takes the median flow distance D' of the frame.
+        Radius R of Eq. 6 in units of D; None is the median flow distance D' of the frame.
     weights : {"length", "unit"}
         Edge weights of the Laplacian (Eq. 9): the length D, or 1.
     gate : {"degree", "mean", "shortest", "star_minimum", "none"}
-        How line 1 of Algorithm 1 reads D_min: the weighted degree of the node, the mean or the
-        shortest edge of its star, the least weighted degree in its star, or no gate.
+        Interpretation of D_min in line 1 of Algorithm 1: the weighted degree of the node, the mean
+        or the shortest edge of its star, the least weighted degree in its star, or no gate.
     concave_boundary : {"every", "any"}
-        How line 2 reads: a node hands over where every edge of it, or any, is shorter than the
-        way to the centroid of its subgraph.
+        Interpretation of line 2: a node lies on a concave boundary when every edge of it, or any,
+        is shorter than its distance to the centroid of its subgraph.
     criterion : {"elevation", "sight_angle", "sight_line"}
         What lines 6 and 8 compare: elevations z (the paper), elevation angles seen from the
-        viewpoint, or, beyond the paper, ranges among the returns that are nearest in angle.
+        viewpoint, or (not in the paper) ranges of the returns nearest in direction.
 
     Raises
     ------
     SettingsError
-        A name is unknown (the nearest valid one is named) or a value is out of range.
+        A name is unknown (the message names the nearest valid one) or a value is out of range.
 
     Examples
     --------
@@ -94,18 +98,22 @@ class Settings(BaseModel):
     criterion: Criterion = "sight_angle"
 
     def __init__(self, **values: Any) -> None:
+        """Validate the values; settings that are not given have their defaults."""
         for name in values:
             if name not in type(self).model_fields:
                 raise SettingsError(f"unknown setting {name!r}: {_suggestion(name)}")
         try:
             super().__init__(**values)
         except ValidationError as error:
-            raise SettingsError(_first_complaint(error)) from None
+            raise SettingsError(_message(error)) from None
+        # The messages leave the value out: Python does not print integers of over 4,300 digits.
         if self.tau != "auto" and self.tau < 1:
-            raise SettingsError(f"setting 'tau' must be 1 or more, or 'auto', got {self.tau}.")
+            raise SettingsError("setting 'tau' must be 1 or more, or 'auto'.")
+        if self.tau != "auto" and self.tau > MAX_TAU:
+            raise SettingsError(f"setting 'tau' must be at most {MAX_TAU}.")
 
     def with_changes(self, **values: Any) -> Self:
-        """A copy with some settings changed, validated like new ones."""
+        """A copy with some settings changed, validated again."""
         return type(self)(**{**self.model_dump(), **values})
 
     @classmethod
@@ -115,14 +123,14 @@ class Settings(BaseModel):
         Raises
         ------
         SettingsError
-            The file cannot be read, is no TOML, or holds an unknown or impossible setting.
+            The file cannot be read, is not TOML, or has an unknown or invalid setting.
         """
         try:
             values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except OSError as error:
             raise SettingsError(f"cannot read the settings {path}: {error.strerror}.") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise SettingsError(f"{path} is no valid TOML: {error}.") from None
+            raise SettingsError(f"{path} is not valid TOML: {error}.") from None
         try:
             return cls(**values)
         except SettingsError as error:
@@ -152,6 +160,6 @@ def _suggestion(name: str) -> str:
     return f"the settings are {', '.join(Settings.model_fields)}."
 
 
-def _first_complaint(error: ValidationError) -> str:
+def _message(error: ValidationError) -> str:
     first = error.errors()[0]
     return f"setting {first['loc'][0]!r}: {first['msg'].lower()}, got {first['input']!r}."

@@ -162,7 +162,7 @@ def test_overwrite_starts_anew(drive, tmp_path, capsys):
         (["run", "{drive}", "--out", "{out}", "--set", "criterion=z"], "'criterion'"),
         (["run", "{drive}", "--out", "{out}", "--set", "tau"], "--set must be name=value"),
         (["run", "{drive}", "--out", "{out}", "--settings", "{drive}/no.toml"], "cannot read"),
-        (["run", "{drive}", "--out", "{out}", "--settings", "{bad}"], "no valid TOML"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{bad}"], "not valid TOML"),
         (["run", "{drive}", "--out", "{out}", "--settings", "{wrong}"], "did you mean 'tau'?"),
         (["run", "{drive}", "--out", "{out}", "--viewpoint", "driver"], "or X,Y,Z in metres"),
         (["run", "{drive}", "--out", "{out}", "--viewpoint", "1,2"], "must be X,Y,Z in metres"),

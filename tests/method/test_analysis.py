@@ -1,15 +1,20 @@
-"""The whole method: invariants, real frames, and what malformed input gets."""
+"""The whole method: invariants, real frames, and the errors for malformed input."""
 
+import inspect
 import itertools
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import intervis
 from intervis import Camera, PointsError, PoseError, Settings, SettingsError, analyze
 from intervis.errors import CameraError, IntervisError
+from intervis.method.mesh import build_mesh
+from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
+from intervis.method.surface import whitening
 
 CAM_FROM_VELO = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 CAMERA = Camera(np.array([[700.0, 0, 600, 0], [0, 700, 180, 0], [0, 0, 1, 0]]), 1242, 375)
@@ -26,9 +31,8 @@ def street(seed, n=1500):
     return np.vstack([ground, facade])
 
 
-def turned(points, angle_rad, shift):
-    c, s = np.cos(angle_rad), np.sin(angle_rad)
-    return points @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + shift
+def rotated(points, angle_rad, shift):
+    return Rotation.from_euler("z", angle_rad).apply(points) + shift
 
 
 @settings(max_examples=25)
@@ -38,13 +42,13 @@ def turned(points, angle_rad, shift):
     st.sampled_from(["ground", "euclidean", "mahalanobis"]),
     st.sampled_from(["elevation", "sight_angle"]),
 )
-def test_turning_and_moving_the_whole_world_changes_nothing(seed, angle_rad, metric, criterion):
+def test_a_rigid_motion_of_points_and_viewpoint_changes_nothing(seed, angle_rad, metric, criterion):
     points, viewpoint, shift = street(seed), np.array([0.3, 0.1, 0.0]), np.array([4.0, -7.0, 2.5])
     chosen = Settings(view="circle", tau=20, metric=metric, criterion=criterion)
     here = analyze(points, viewpoint=viewpoint, settings=chosen)
     there = analyze(
-        turned(points, angle_rad, shift),
-        viewpoint=turned(viewpoint, angle_rad, shift),
+        rotated(points, angle_rad, shift),
+        viewpoint=rotated(viewpoint, angle_rad, shift),
         settings=chosen,
     )
     assert there.nodes.tolist() == here.nodes.tolist()
@@ -71,7 +75,7 @@ def test_the_order_of_the_scan_changes_nothing(seed):
     assert again == own
 
 
-def test_what_holds_of_every_result():
+def test_invariants_of_a_result():
     result = analyze(street(0), camera=CAMERA, cam_from_velo=CAM_FROM_VELO)
     measures = result.measures
     assert measures.n == len(result.nodes) == -(-measures.n_fov // 35)
@@ -86,42 +90,81 @@ def test_what_holds_of_every_result():
     assert in_tree[result.tree_parent[result.tree_parent >= 0]].all()
     assert np.allclose(result.laplacian.sum(axis=1), 0)
     assert result.times.total == pytest.approx(
-        sum(result.times[k] for k in list(result.times.keys())[:-1])
+        sum(seconds for stage, seconds in result.times.items() if stage != "total")
     )
     assert 0 < result.fiedler_cut()
 
 
-def test_the_viewpoint_is_the_camera_unless_said():
+def test_the_viewpoint_is_the_camera_by_default():
     points = street(0)
     baseline_term = np.array([[0, 0, 0, -350.0], [0, 0, 0, 0], [0, 0, 0, 0]])
     shifted = Camera(CAMERA.projection + baseline_term, 1242, 375)
-    # P[0, 3] = -F B with B = 0.5 m: the camera stands half a metre to the right of the sensor.
+    # P[0, 3] = -F B with B = 0.5 m: the camera is half a metre to the right of the sensor.
     result = analyze(points, camera=shifted, cam_from_velo=CAM_FROM_VELO)
     assert np.allclose(result.viewpoint, [0, -0.5, 0])
     assert analyze(points).viewpoint.tolist() == [0, 0, 0]
     assert analyze(points, viewpoint=(5, 0, 1)).viewpoint.tolist() == [5, 0, 1]
 
 
-@pytest.mark.parametrize("name", ["ground", "polar", "angles"])
+SAMPLERS = {
+    "kernel": lambda points, p0: sample_kernels(points, 35, p0),
+    "stride": lambda points, p0: sample_stride(len(points), 35),
+    "radius": lambda points, p0: sample_radius(points, 2.0, p0),
+}
+
+
+@pytest.mark.parametrize("chart", ["ground", "polar", "angles"])
 @pytest.mark.parametrize("sampling", ["kernel", "stride", "radius"])
 @pytest.mark.parametrize("metric", ["mahalanobis", "normalized", "euclidean", "ground"])
-def test_every_choice_runs(name, sampling, metric):
-    for gate, weights in itertools.product(
-        ["degree", "mean", "shortest", "star_minimum", "none"], ["length", "unit"]
-    ):
-        chosen = Settings(
-            chart=name, sampling=sampling, metric=metric, gate=gate, weights=weights, radius_m=2.0
-        )
-        result = analyze(street(1), settings=chosen)
-        assert len(result.triangles) == result.measures.N > 0
+def test_every_setting_reaches_its_stage(chart, sampling, metric):
+    points, p0 = street(1), np.array([1.0, 0.5, 0.2])
+    chosen = Settings(chart=chart, sampling=sampling, metric=metric, radius_m=2.0, gate="none")
+    free = analyze(points, viewpoint=p0, settings=chosen)
+    assert free.nodes.tolist() == SAMPLERS[sampling](points, p0).tolist()
+    whitened = points[free.nodes] @ whitening(points[free.nodes], metric)[0]
+    length = np.linalg.norm(whitened[free.edges[:, 0]] - whitened[free.edges[:, 1]], axis=1)
+    assert np.allclose(free.edge_length, length)
+    azimuth_rad = np.arctan2(*(points[free.nodes] - p0)[:, 1::-1].T)
+    on_ground = chart == "ground"
+    assert np.allclose(
+        np.arctan2(*free.chart[:, ::-1].T) if on_ground else free.chart[:, 0], azimuth_rad
+    )
+    assert free.edges.tolist() == build_mesh(free.chart).edges.tolist()
+    assert free.edge_intervisible.any()
+    for gate in ("degree", "mean", "shortest", "star_minimum"):
+        gated = analyze(points, viewpoint=p0, settings=chosen.with_changes(gate=gate))
+        assert not (gated.edge_intervisible & ~free.edge_intervisible).any()
+        # No edge is shorter than the shortest of its star; every other gate lets some pass.
+        assert gated.edge_intervisible.any() == (gate != "shortest")
+
+
+def test_weights_reach_the_laplacian_and_the_cut():
+    # A right triangle with sides 3, 4 and 5 over the ground. By elevation only the first two nodes
+    # see each other: the second is beyond the first and higher, the third is the lowest, and at
+    # the second the angle theta_1 between P0 and the third is 90 degrees, where no line applies.
+    points = np.array([[10.0, 0, -1], [13, 0, 0], [13, 4, -2]])
+    plain = Settings(tau=1, gate="none", criterion="elevation")
+    by_length = analyze(points, settings=plain)
+    assert by_length.edges.tolist() == [[0, 1], [0, 2], [1, 2]]
+    assert by_length.node_intervisible.tolist() == [True, True, False]
+    assert by_length.laplacian.toarray().tolist() == [[8, -3, -5], [-3, 7, -4], [-5, -4, 9]]
+    assert by_length.cut == (5 + 4) / 2
+    by_unit = analyze(points, settings=plain.with_changes(weights="unit"))
+    assert by_unit.edge_length.tolist() == [3, 5, 4]
+    assert by_unit.laplacian.toarray().tolist() == [[2, -1, -1], [-1, 2, -1], [-1, -1, 2]]
+    assert by_unit.cut == (1 + 1) / 2
+    # The unit triangle's normalised Laplacian is 3/2 I - 1/2 (all ones): eigenvalues 0, 3/2, 3/2.
+    spectrum = np.linalg.eigvalsh(by_unit.normalized_laplacian.toarray())
+    assert np.allclose(spectrum, [0, 1.5, 1.5])
+    assert not np.allclose(np.linalg.eigvalsh(by_length.normalized_laplacian.toarray()), spectrum)
 
 
 def test_inputs_are_not_changed():
-    points, viewpoint, mount = street(0).astype(np.float32), np.zeros(3), CAM_FROM_VELO.copy()
-    copies = points.copy(), viewpoint.copy(), mount.copy()
+    points, viewpoint, pose = street(0).astype(np.float32), np.zeros(3), CAM_FROM_VELO.copy()
+    copies = points.copy(), viewpoint.copy(), pose.copy()
     points.setflags(write=False)
-    analyze(points, camera=CAMERA, cam_from_velo=mount, viewpoint=viewpoint)
-    for now, before in zip((points, viewpoint, mount), copies, strict=True):
+    analyze(points, camera=CAMERA, cam_from_velo=pose, viewpoint=viewpoint)
+    for now, before in zip((points, viewpoint, pose), copies, strict=True):
         assert np.array_equal(now, before)
 
 
@@ -159,7 +202,7 @@ def test_points_that_are_not_finite_are_counted_and_keep_the_indices():
     ids=["one", "two", "three", "collinear", "all equal", "all at the viewpoint"],
 )
 @pytest.mark.parametrize("tau", [1, 35])
-def test_few_or_degenerate_points_give_a_small_honest_result(points, tau):
+def test_few_or_degenerate_points_give_a_small_result(points, tau):
     for chart, metric in itertools.product(
         ["ground", "angles", "polar"], ["ground", "mahalanobis"]
     ):
@@ -183,7 +226,7 @@ def test_few_or_degenerate_points_give_a_small_honest_result(points, tau):
         (np.full((5, 3), np.nan), "0 are returns"),
     ],
 )
-def test_malformed_points_get_one_sentence(points, sentence):
+def test_malformed_points_get_a_clear_message(points, sentence):
     with pytest.raises(PointsError, match=sentence):
         analyze(points)
 
@@ -201,12 +244,14 @@ def test_malformed_viewpoints(viewpoint):
         analyze(street(0), viewpoint=viewpoint)
 
 
-def test_cameras_and_mounts():
-    with pytest.raises(CameraError, match="needs cam_from_velo"):
+def test_malformed_cameras_and_extrinsics():
+    with pytest.raises(CameraError, match="needs its extrinsics"):
         analyze(street(0), camera=CAMERA)
-    for mount in (np.eye(3), np.diag([1.0, 1, -1, 1]), np.eye(4) * 2, np.full((4, 4), np.nan)):
+    with pytest.raises(CameraError, match="without a camera"):
+        analyze(street(0), cam_from_velo=CAM_FROM_VELO)
+    for extrinsics in (np.eye(3), np.diag([1.0, 1, -1, 1]), np.eye(4) * 2, np.full((4, 4), np.nan)):
         with pytest.raises(PoseError, match="cam_from_velo"):
-            analyze(street(0), camera=CAMERA, cam_from_velo=mount)
+            analyze(street(0), camera=CAMERA, cam_from_velo=extrinsics)
     with pytest.raises(CameraError):
         Camera(np.eye(3), 10, 10)
     with pytest.raises(CameraError):
@@ -215,10 +260,29 @@ def test_cameras_and_mounts():
         Camera(np.zeros((3, 4)), 10, 10)
 
 
-@pytest.mark.parametrize("tau", [0, -3, 2.5, "many", None])
+@pytest.mark.parametrize("tau", [0, -3, 2.5, "many", None, 2**31, 2**63 - 1])
 def test_impossible_tau(tau):
     with pytest.raises(SettingsError, match="tau"):
         Settings(tau=tau)
+
+
+def test_a_tau_too_long_to_print_gets_a_clear_message():
+    with pytest.raises(SettingsError, match="'tau' must be at most 2147483647"):
+        Settings(tau=10**5000)
+
+
+def test_the_greatest_tau_gives_one_node():
+    result = analyze(street(0), settings=Settings(tau=2**31 - 1))
+    assert (result.measures.n, result.measures.SP, result.measures.TPI) == (1, 0, 0.0)
+
+
+def test_repr_and_signature_are_short():
+    result = analyze(street(0), settings=Settings(tau=20))
+    m = result.measures
+    assert repr(result) == (
+        f"<Analysis: {m.n} nodes, {m.SP} edges, {m.N} triangles, TPI {m.TPI:.1f} %>"
+    )
+    assert str(inspect.signature(analyze)).startswith("(points: 'ArrayLike', *, camera:")
 
 
 def test_unknown_settings_name_the_nearest():
@@ -226,9 +290,16 @@ def test_unknown_settings_name_the_nearest():
         Settings(criterium="elevation")
 
 
-def test_every_error_has_one_root():
-    for error in (PointsError, PoseError, SettingsError, CameraError, intervis.DriveError):
+def test_every_error_has_one_root_and_a_public_name():
+    defined = {
+        name: error
+        for name, error in vars(intervis.errors).items()
+        if isinstance(error, type) and issubclass(error, BaseException)
+    }
+    assert len(defined) > 10
+    for name, error in defined.items():
         assert issubclass(error, IntervisError)
+        assert getattr(intervis, name) is error
 
 
 def test_settings_survive_a_file(tmp_path):
@@ -240,7 +311,7 @@ def test_settings_survive_a_file(tmp_path):
     with pytest.raises(SettingsError, match="did you mean"):
         Settings.from_toml(path)
     path.write_text("tau = = 5", encoding="utf-8")
-    with pytest.raises(SettingsError, match="no valid TOML"):
+    with pytest.raises(SettingsError, match="not valid TOML"):
         Settings.from_toml(path)
     with pytest.raises(SettingsError, match="cannot read"):
         Settings.from_toml(tmp_path / "nowhere.toml")

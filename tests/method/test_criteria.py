@@ -1,18 +1,19 @@
-"""MPCS and Algorithm 1 (Eq. 13) on stars small enough for paper, and against a literal double."""
+"""MPCS and Algorithm 1 (Eq. 13) on small stars by hand, and against the pseudo code as a loop."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from intervis import Settings
 from intervis.method.criteria import (
     apply_criteria,
     elevation_angle_rad,
-    in_sight,
+    gate_threshold,
     intervisible_region,
     reachable_tree,
-    shortest_radius,
-    sight_angle_deg,
+    theta_1_deg,
+    unoccluded,
 )
 from intervis.method.mesh import build_mesh, star_centroids
 from intervis.method.surface import build_surface
@@ -24,8 +25,8 @@ def test_equation_13_on_paper():
     points = np.array([[2.0, 0, 0], [4, 0, 0], [1, 0, 0], [2, 3, 0], [3, 1, 0]])
     i, j = np.zeros(4, int), np.array([1, 2, 3, 4])
     # beyond: 180; in front: 0; square to the sight line: 90; beyond and aside: 135 degrees
-    assert np.allclose(sight_angle_deg(points, ORIGIN, i, j), [180, 0, 90, 135])
-    assert np.isnan(sight_angle_deg(np.zeros((2, 3)), ORIGIN, np.array([0]), np.array([1])))
+    assert np.allclose(theta_1_deg(points, ORIGIN, i, j), [180, 0, 90, 135])
+    assert np.isnan(theta_1_deg(np.zeros((2, 3)), ORIGIN, np.array([0]), np.array([1])))
 
 
 def test_elevation_angles_on_paper():
@@ -33,7 +34,7 @@ def test_elevation_angles_on_paper():
     assert np.allclose(np.rad2deg(elevation_angle_rad(points, ORIGIN)), [45, 0, -45])
 
 
-def test_readings_of_the_threshold_on_paper():
+def test_interpretations_of_the_threshold_on_paper():
     # A path 0 - 1 - 2 with lengths 2 and 5: degrees 2, 7, 5.
     source, target = np.array([0, 1, 1, 2]), np.array([1, 2, 0, 1])
     length = np.array([2.0, 5, 2, 5])
@@ -43,41 +44,40 @@ def test_readings_of_the_threshold_on_paper():
         "shortest": [2, 2, 5],
         "star_minimum": [2, 2, 5],
     }
-    for reading, values in expected.items():
-        assert shortest_radius(source, length, 3, target, reading).tolist() == values
+    for gate, values in expected.items():
+        assert gate_threshold(source, target, length, 3, gate).tolist() == values
 
 
-def judge_star(neighbour, criterion):
-    """Whether the second point of a pair is judged intervisible from the first at (10, 0, -1)."""
+def intervisible_pair(neighbour, criterion):
+    """Whether the second point of a pair is intervisible from the first at (10, 0, -1)."""
     points = np.array([[10.0, 0, -1], neighbour])
-    verdict = apply_criteria(
+    result = apply_criteria(
         points,
         ORIGIN,
         np.array([[0, 1]]),
         np.array([1.0]),
         np.array([50.0, 50.0]),
         np.array([0.5, 0.5]),
-        gate="none",
-        criterion=criterion,
+        Settings(gate="none", criterion=criterion),
     )
-    return bool(verdict.judged[0])
+    return bool(result.half_edge[0])
 
 
 @pytest.mark.parametrize(
     ("neighbour", "by_elevation", "by_sight_angle"),
     [
-        ((12.0, 0, -0.5), True, True),  # beyond and higher: seen over i
-        ((12.0, 0, -1.0), False, True),  # flat ground beyond: z says equal, the eye sees it
+        ((12.0, 0, -0.5), True, True),  # beyond and higher: visible over i
+        ((12.0, 0, -1.0), False, True),  # flat ground beyond: equal z, larger elevation angle
         ((12.0, 0, -1.1), False, True),  # a little lower, still above the sight line over i
         ((12.0, 0, -1.3), False, False),  # under the sight line, which is at z = -1.2 there
-        ((8.0, 0, -1.5), True, True),  # in front and lower: does not cover i
+        ((8.0, 0, -1.5), True, True),  # in front and lower: does not occlude i
         ((8.0, 0, -1.0), False, True),  # flat ground in front
-        ((8.0, 0, -0.5), False, False),  # in front and higher: covers i
+        ((8.0, 0, -0.5), False, False),  # in front and higher: occludes i
     ],
 )
 def test_lines_6_and_8(neighbour, by_elevation, by_sight_angle):
-    assert judge_star(neighbour, "elevation") is by_elevation
-    assert judge_star(neighbour, "sight_angle") is by_sight_angle
+    assert intervisible_pair(neighbour, "elevation") is by_elevation
+    assert intervisible_pair(neighbour, "sight_angle") is by_sight_angle
 
 
 def test_sight_line_criterion_on_paper():
@@ -88,10 +88,10 @@ def test_sight_line_criterion_on_paper():
     returns = np.vstack([wall, post])
     # The post is among the six nearest in angle of columns 0 to 2; from column 3 on (three columns
     # on either side of it) there are always six columns that are nearer.
-    assert in_sight(returns, returns, ORIGIN).tolist() == [False] * 3 + [True] * 5
-    assert in_sight(wall[2:4], returns, ORIGIN).tolist() == [False, True]
+    assert unoccluded(returns, returns, ORIGIN).tolist() == [False] * 3 + [True] * 5
+    assert unoccluded(wall[2:4], returns, ORIGIN).tolist() == [False, True]
     before = np.vstack([wall, wall[:1] * 0.9])  # a metre before it: the same surface at 10 m
-    assert in_sight(before, before, ORIGIN).all()
+    assert unoccluded(before, before, ORIGIN).all()
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40))
@@ -105,7 +105,7 @@ def test_sight_line_criterion_equals_a_loop(seed, n):
         cosine = offset @ offset[i] / (range_m * range_m[i])
         beside = np.argsort(-cosine)[: min(7, n)]
         expected.append(not any(range_m[k] < 0.9 * range_m[i] - 0.5 for k in beside))
-    assert in_sight(returns[::2], returns, p0).tolist() == expected
+    assert unoccluded(returns[::2], returns, p0).tolist() == expected
 
 
 def literal_algorithm_1(points, p0, edges, length, flow, l_gc, criterion):
@@ -143,34 +143,40 @@ def literal_algorithm_1(points, p0, edges, length, flow, l_gc, criterion):
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 60), st.sampled_from(["elevation", "sight_angle"]))
-def test_equals_the_literal_double(seed, n, criterion):
+def test_equals_the_pseudo_code(seed, n, criterion):
     rng = np.random.default_rng(seed)
     points = rng.uniform([4, -15, -2], [50, 15, 2], (n, 3))
     p0 = rng.normal(size=3)
-    surface = build_surface(points, p0)
+    surface = build_surface(points, p0, Settings())
     mesh = build_mesh(surface.chart)
     y = surface.metric_position
     length = np.linalg.norm(y[mesh.edges[:, 0]] - y[mesh.edges[:, 1]], axis=1)
     l_gc = np.linalg.norm(y - star_centroids(mesh, y), axis=1)
     args = (points, p0, mesh.edges, length, surface.flow_distance, l_gc)
-    verdict = apply_criteria(*args, criterion=criterion)
+    result = apply_criteria(*args, Settings(criterion=criterion))
     node, edge = literal_algorithm_1(*args, criterion)
-    assert verdict.node.tolist() == node
-    assert verdict.edge.tolist() == edge
+    assert result.node.tolist() == node
+    assert result.edge.tolist() == edge
     # The centroid is never as far as the longest edge: "every edge is shorter" cannot be.
-    assert not verdict.handed_over.any()
+    assert not result.handed_over.any()
 
 
-def test_the_gate_keeps_out_what_spreads_wider_than_its_distance():
+def test_the_gate_compares_the_degree_with_the_flow_distance():
     """Line 1: the row sum of edge lengths must stay under the flow distance."""
     points = np.array([[10.0, 0, -1], [11, 0, -1], [10, 1, -1]])
     edges, length = np.array([[0, 1], [0, 2], [1, 2]]), np.array([1.0, 1.0, np.sqrt(2)])
     for flow, passes in ((10.0, True), (1.5, False)):
-        verdict = apply_criteria(
-            points, ORIGIN, edges, length, np.full(3, flow), np.full(3, 0.1), gate="degree"
+        result = apply_criteria(
+            points,
+            ORIGIN,
+            edges,
+            length,
+            np.full(3, flow),
+            np.full(3, 0.1),
+            Settings(gate="degree"),
         )
-        assert verdict.gate.all() == passes
-        assert verdict.edge.any() == passes
+        assert result.gate.all() == passes
+        assert result.edge.any() == passes
 
 
 def test_region_needs_three_points_and_two_edges():

@@ -1,4 +1,4 @@
-"""Eq. 1 and 2 against values worked out by hand, a slow double and the real calibration."""
+"""Eq. 1 and 2 against values by hand, a plain loop and the real calibration."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intervis import Camera, open_drive
-from intervis.method.field_of_view import image_from_velo, in_angle, in_camera
+from intervis.method.field_of_view import image_from_velo, in_azimuth, in_camera
 
 # x right, y down, z forward from x forward, y left, z up
 CAM_FROM_VELO = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
@@ -31,9 +31,12 @@ def test_baseline_shifts_the_pixel_by_focal_length_times_baseline_over_depth():
 
 
 @pytest.mark.parametrize(
-    ("point", "seen"),
+    ("point", "in_view"),
     [
-        ((10.0, 6.999, 0.0), True),  # column 0.01: inside, though a symmetric opening has 50 px
+        (
+            (10.0, 6.999, 0.0),
+            True,
+        ),  # column 0.01: inside, though a symmetric field of view has 50 px
         ((10.0, 7.001, 0.0), False),  # column -0.01
         ((10.0, -2.999, 0.0), True),  # column 99.99
         ((10.0, -3.0, 0.0), False),  # column 100, one past the last
@@ -45,20 +48,20 @@ def test_baseline_shifts_the_pixel_by_focal_length_times_baseline_over_depth():
         ((0.0, 0.0, 0.0), False),  # at the camera: no direction
     ],
 )
-def test_edges_of_the_image(point, seen):
+def test_edges_of_the_image(point, in_view):
     found = in_camera(np.array([point]), camera(), CAM_FROM_VELO)
-    assert (len(found.index) == 1) == seen
+    assert (len(found.index) == 1) == in_view
 
 
 def test_points_that_are_not_finite_are_dropped_and_counted():
     points = np.array([[5.0, 0, 0], [np.nan, 0, 0], [5, np.inf, 0], [0, 0, 0], [6, 0, 0]])
-    for found in (in_camera(points, camera(), CAM_FROM_VELO), in_angle(points, 360.0)):
+    for found in (in_camera(points, camera(), CAM_FROM_VELO), in_azimuth(points, 360.0)):
         assert found.index.tolist() == [0, 4]
         assert (found.n_raw, found.n_dropped) == (2, 3)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([np.float32, np.float64]))
-def test_equals_the_textbook_double(seed, dtype):
+def test_equals_a_plain_loop(seed, dtype):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(200, 3)).astype(dtype) * 20
     lens = camera(0.3)
@@ -75,11 +78,11 @@ def test_equals_the_textbook_double(seed, dtype):
 
 
 @given(st.floats(1, 359), st.integers(0, 2**32 - 1))
-def test_a_named_opening_is_an_angle_about_the_x_axis(opening_deg, seed):
+def test_an_azimuth_field_of_view_is_centred_on_the_x_axis(fov_deg, seed):
     points = np.random.default_rng(seed).normal(size=(50, 3))
-    found = in_angle(points, opening_deg)
+    found = in_azimuth(points, fov_deg)
     azimuth_deg = np.rad2deg(np.arctan2(points[:, 1], points[:, 0]))
-    assert found.index.tolist() == np.flatnonzero(np.abs(azimuth_deg) <= opening_deg / 2).tolist()
+    assert found.index.tolist() == np.flatnonzero(np.abs(azimuth_deg) <= fov_deg / 2).tolist()
 
 
 @pytest.mark.realdata

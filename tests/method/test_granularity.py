@@ -1,4 +1,4 @@
-"""tau chosen by itself: within the tolerance, within the budget, and still from frame to frame."""
+"""tau chosen from the data: within the tolerance, within the budget, with hysteresis."""
 
 import itertools
 from math import ceil
@@ -13,12 +13,12 @@ from intervis import Settings, analyze
 from intervis.errors import SettingsError
 from intervis.method.granularity import (
     BUDGET_SHARE,
-    LADDER,
+    TAU_CANDIDATES,
     TPI_LOST,
-    SteadyTau,
+    TauHysteresis,
     choose_tau,
     floor_nodes,
-    machine_pace,
+    machine_speed_factor,
     predicted_ms,
 )
 
@@ -26,8 +26,8 @@ tolerances = st.floats(0.1, 25.0)
 returns_in_view = st.integers(1, 300_000)
 
 
-def test_the_ladder_rises_by_steps_of_a_fifth_and_the_measured_curve_falls():
-    for below, above in itertools.pairwise(LADDER):
+def test_candidates_ascend_by_about_a_fifth_and_the_measured_loss_decreases():
+    for below, above in itertools.pairwise(TAU_CANDIDATES):
         assert below < above <= below * 1.25 + 1
     lost = [points for _, points in TPI_LOST]
     assert lost == sorted(lost, reverse=True)
@@ -39,45 +39,54 @@ def test_a_stricter_tolerance_never_has_a_lower_floor(one, other):
     assert floor_nodes(strict) >= floor_nodes(loose)
 
 
+def test_the_floor_follows_the_measured_curve():
+    for nodes, lost in TPI_LOST:
+        assert floor_nodes(lost) == nodes
+    # Linear in the logarithm of the nodes: half way between two losses is the geometric mean.
+    for (few, more_lost), (many, less_lost) in itertools.pairwise(TPI_LOST):
+        assert floor_nodes((more_lost + less_lost) / 2) == ceil((few * many) ** 0.5)
+    assert (floor_nodes(50.0), floor_nodes(1e-9)) == (TPI_LOST[0][0], TPI_LOST[-1][0])
+
+
 @given(returns_in_view, tolerances)
 def test_the_floor_is_kept_and_the_next_step_would_break_it(n_fov, tolerance):
     floor = floor_nodes(tolerance)
     tau = choose_tau(n_fov, Settings(tau="auto", tpi_tolerance=tolerance))
     assert tau == 1 or ceil(n_fov / tau) >= floor
-    coarser = [step for step in LADDER if step > tau]
+    coarser = [step for step in TAU_CANDIDATES if step > tau]
     assert not coarser or ceil(n_fov / coarser[0]) < floor
 
 
 @given(returns_in_view, tolerances, st.floats(1.0, 500.0), st.floats(0.2, 5.0))
-def test_a_budget_is_met_or_the_floor_says_why_not(n_fov, tolerance, budget_ms, pace):
+def test_a_budget_is_met_or_the_floor_says_why_not(n_fov, tolerance, budget_ms, speed_factor):
     asked = Settings(tau="auto", tpi_tolerance=tolerance, time_budget_ms=budget_ms)
-    tau = choose_tau(n_fov, asked, pace=pace)
+    tau = choose_tau(n_fov, asked, speed_factor=speed_factor)
     coarsest = choose_tau(n_fov, asked.with_changes(time_budget_ms=None))
     assert tau <= coarsest
-    assert predicted_ms(n_fov, tau, pace) <= budget_ms or tau == coarsest
+    assert predicted_ms(n_fov, tau, speed_factor) <= budget_ms or tau == coarsest
     if tau > 1 and tau != coarsest:  # and it is the finest that meets it
-        finer = max(step for step in LADDER if step < tau)
-        assert predicted_ms(n_fov, finer, pace) > BUDGET_SHARE * budget_ms
+        finer = max(step for step in TAU_CANDIDATES if step < tau)
+        assert predicted_ms(n_fov, finer, speed_factor) > BUDGET_SHARE * budget_ms
 
 
 @given(st.integers(2_000, 60_000), st.lists(st.floats(0.92, 1.08), min_size=1, max_size=20))
-def test_it_holds_still_while_the_returns_in_view_come_and_go(n_fov, wobble):
-    steady = SteadyTau(Settings(tau="auto", tpi_tolerance=6.0))
-    first = steady.choose(n_fov)
-    assert {steady.choose(int(n_fov * share)) for share in wobble} == {first}
+def test_tau_is_kept_while_the_returns_in_view_vary_by_8_percent(n_fov, wobble):
+    hysteresis = TauHysteresis(Settings(tau="auto", tpi_tolerance=6.0))
+    first = hysteresis.choose(n_fov)
+    assert {hysteresis.choose(int(n_fov * share)) for share in wobble} == {first}
 
 
 @given(st.lists(returns_in_view, min_size=1, max_size=20), tolerances)
-def test_holding_still_never_breaks_the_floor(counts, tolerance):
-    steady = SteadyTau(Settings(tau="auto", tpi_tolerance=tolerance))
+def test_hysteresis_never_breaks_the_floor(counts, tolerance):
+    hysteresis = TauHysteresis(Settings(tau="auto", tpi_tolerance=tolerance))
     for n_fov in counts:
-        tau = steady.choose(n_fov)
+        tau = hysteresis.choose(n_fov)
         assert tau == 1 or ceil(n_fov / tau) >= floor_nodes(tolerance)
 
 
-def test_a_number_leaves_no_choice():
+def test_hysteresis_refuses_a_fixed_tau():
     with pytest.raises(SettingsError, match="auto"):
-        SteadyTau(Settings(tau=35))
+        TauHysteresis(Settings(tau=35))
 
 
 def test_analyze_takes_the_granularity_that_is_chosen(rng):
@@ -88,8 +97,8 @@ def test_analyze_takes_the_granularity_that_is_chosen(rng):
     assert result.settings.tau == "auto"
 
 
-def test_the_pace_of_this_machine_is_a_positive_number():
-    assert 0 < machine_pace() < 1000
+def test_the_speed_factor_of_this_machine_is_a_positive_number():
+    assert 0 < machine_speed_factor() < 1000
 
 
 @pytest.mark.realdata
@@ -98,11 +107,11 @@ def test_the_tolerance_is_kept_in_the_mean_of_real_frames(shared_data, tolerance
     drive = intervis.open_drive(shared_data / "kitti_object")
     lost = []
     for frame in drive:
-        mount = {"camera": frame.camera, "cam_from_velo": frame.cam_from_velo}
+        where = {"camera": frame.camera, "cam_from_velo": frame.cam_from_velo}
 
-        def tpi(tau, frame=frame, mount=mount):
+        def tpi(tau, frame=frame, where=where):
             settings = Settings(tau=tau, tpi_tolerance=tolerance)
-            return analyze(frame.points, settings=settings, **mount).measures.TPI
+            return analyze(frame.points, settings=settings, **where).measures.TPI
 
         lost.append(max(map(tpi, (4, 6, 8, 10))) - tpi("auto"))
     assert np.mean(lost) <= tolerance

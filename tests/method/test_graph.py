@@ -1,4 +1,4 @@
-"""Eq. 9 to 12: theory the matrices must obey, and cuts counted by hand."""
+"""Eq. 9 to 12: properties of the matrices, and cuts by hand."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_equation_12_is_the_quadratic_form_of_an_indicator(seed):
 
 
 def dumbbell(n):
-    """Two complete graphs of n nodes joined by one edge: the bottleneck is plain to see."""
+    """Two complete graphs of n nodes joined by one edge: the minimum cut is known."""
     one = [(a, b) for a in range(n) for b in range(a + 1, n)]
     edges = np.array(one + [(a + n, b + n) for a, b in one] + [(n - 1, n)])
     return edges, np.ones(len(edges))

@@ -1,5 +1,7 @@
 """Eq. 15 to 17 against the rows of the paper's Tables 2 and 4, to the last printed digit."""
 
+from collections.abc import Mapping
+
 import pytest
 
 from intervis.method.measures import (
@@ -45,7 +47,7 @@ def test_rows_of_table_4(n, elements, arr, tpi, dcp):
     assert f"{average_redundancy_removal(N_RAW, n):.2f}" == f"{arr:.2f}"
     assert f"{decreasing_calculation(N_RAW, tpi / 100 * 3 * elements):.2f}" == f"{dcp:.2f}"
     hull = 2 * n - 2 - elements
-    assert 3 <= hull < 50  # N = 2n - 2 - h with a hull of believable size
+    assert 3 <= hull < 50  # N = 2n - 2 - h with a hull of plausible size
 
 
 def test_ceiling_of_tpi_is_just_over_a_half():
@@ -63,3 +65,17 @@ def test_measures_of_nothing_are_zero_and_readable_by_name():
     assert empty["n_dropped"] == 3
     with pytest.raises(KeyError):
         empty["TPX"]
+
+
+def test_a_record_is_a_mapping():
+    record = measure(n_raw=90, n_dropped=3, n_fov=9, n=4, elements=2, edges=5, intervisible=3)
+    assert isinstance(record, Mapping)
+    names = ["n_raw", "n_dropped", "n_fov", "n", "N", "SP", "ARR", "TPI", "TPI_unique", "DCP"]
+    assert list(record) == list(record.keys()) == names
+    assert len(record) == 10
+    assert "TPI" in record
+    assert "values" not in record  # an attribute of every mapping, but no measure
+    assert record.get("TPX", -1.0) == -1.0
+    assert record == dict(record.items())
+    assert record != {**record, "n": 5}
+    assert (record["TPI"], record.TPI_unique) == (50.0, 60.0)

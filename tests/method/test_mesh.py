@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from intervis.method.mesh import build_mesh, signed_area, star_centroids, unique_edges
+from intervis.method.mesh import build_mesh, signed_area, star_centroids, triangulate, unique_edges
 
 
 @given(st.integers(3, 60), st.integers(0, 2**32 - 1))
@@ -108,6 +108,13 @@ def test_points_without_a_triangle_give_a_chain(chart, edges):
     assert len(mesh.triangles) == 0
     assert mesh.edges.tolist() == edges
     assert np.isnan(star_centroids(mesh, chart)).all()
+
+
+def test_positions_that_are_collinear_but_for_rounding_give_a_chain():
+    chart = np.array([[0.0, 0], [0.5, 3e-13], [1, 0]])
+    assert triangulate(chart) is not None  # Qhull finds a triangle of area 1.5e-13
+    assert build_mesh(chart).edges.tolist() == [[0, 1], [1, 2]]
+    assert len(build_mesh(chart * [1, 1e3]).triangles) == 1
 
 
 def test_a_scale_of_kilometres_or_millimetres_does_not_matter(rng):

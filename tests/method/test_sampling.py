@@ -1,4 +1,4 @@
-"""Kernels of tau points: their number, size and shape, and what they must not depend on."""
+"""Kernels of tau points: their number, size, shape and invariances."""
 
 from itertools import pairwise
 
@@ -58,7 +58,7 @@ def test_a_line_is_cut_into_runs_from_the_near_end():
 
 
 def test_kernels_are_compact(rng):
-    """A grid of 32 x 32 points in kernels of 16: squares of 4 x 4 are the best there is."""
+    """A grid of 32 x 32 points in kernels of 16: squares of 4 x 4 are optimal."""
     grid = np.stack(np.meshgrid(np.arange(32.0), np.arange(32.0)), axis=-1).reshape(-1, 2)
     points = np.column_stack([grid, np.zeros(len(grid))])
     spread = [points[m].var(axis=0).sum() for m in kernels_of(points, 16)]
@@ -79,7 +79,7 @@ def test_the_order_of_the_points_does_not_matter(seed):
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_turning_and_moving_the_world_does_not_matter(seed):
+def test_a_rigid_motion_does_not_matter(seed):
     rng = np.random.default_rng(seed)
     points, viewpoint = rng.normal(size=(257, 3)) * [9, 3, 1], rng.normal(size=3)
     turn, shift = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3) * 10
@@ -103,7 +103,7 @@ def test_stride_takes_every_tau_th(n, tau):
 
 
 @given(st.integers(1, 200), st.floats(0.05, 3.0), st.integers(0, 2**32 - 1))
-def test_balls_equal_the_greedy_double(n, radius_m, seed):
+def test_balls_equal_a_greedy_loop(n, radius_m, seed):
     points = np.random.default_rng(seed).uniform(-3, 3, (n, 3))
     free, expected = np.ones(n, bool), []
     for start in range(n):

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 from scipy.spatial import distance as scipy_distance
 
+from intervis import Settings
 from intervis.method.surface import (
     build_surface,
     chart_coordinates,
@@ -125,6 +127,48 @@ def test_flow_distance_is_the_shortest_path(seed, n):
     assert (distance >= np.linalg.norm(y, axis=1) - 1e-9).all()  # never shorter than straight
 
 
+def scipy_paths(y, neighbours, reached):
+    """The same by scipy.sparse.csgraph: P0 is one more node, joined to one island after another."""
+    n, tiny = len(y), np.finfo(float).tiny
+    i, j = np.repeat(np.arange(n), neighbours.shape[1]), neighbours.ravel()
+    length = np.maximum(np.linalg.norm(y[i] - y[j], axis=1), tiny)
+    direct = np.maximum(np.linalg.norm(y, axis=1), tiny)
+    roots = np.flatnonzero(reached)
+    while True:
+        graph = np.full((n + 1, n + 1), np.inf)
+        graph[i, j] = graph[j, i] = length
+        graph[n, roots] = direct[roots]
+        found = dijkstra(csgraph_from_dense(graph, null_value=np.inf), indices=n)[:n]
+        islands = np.flatnonzero(np.isinf(found))
+        if not len(islands):
+            return found
+        roots = np.append(roots, islands[np.argmin(direct[islands])])
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.booleans())
+def test_flow_distance_equals_scipys_dijkstra(seed, n, grid):
+    rng = np.random.default_rng(seed)
+    # On a small grid many paths have one length, and points coincide.
+    y = rng.integers(-3, 4, (n, 3)).astype(float) if grid else rng.normal(size=(n, 3)) * 5
+    neighbours = nearest_neighbours(y)[:, :3]
+    reached = rng.random(n) < 0.2
+    distance, parent = flow_paths(y, neighbours, reached)
+    assert np.allclose(distance, scipy_paths(y, neighbours, reached), rtol=1e-14, atol=1e-300)
+    on_path = parent >= 0
+    step = np.linalg.norm(y[on_path] - y[parent[on_path]], axis=1)
+    assert np.allclose(distance[on_path], distance[parent[on_path]] + step)
+
+
+def test_of_paths_of_one_length_the_lowest_node_comes_before():
+    # A diamond: (2, 0) is as far over node 2 as over node 1.
+    y = np.array([[2.0, 0, 0], [1, 1, 0], [1, -1, 0]])
+    for neighbours in ([[1, 2], [0, 2], [0, 1]], [[2, 1], [2, 0], [1, 0]]):
+        reached = np.array([False, True, True])
+        distance, parent = flow_paths(y, np.array(neighbours), reached)
+        assert distance[0] == 2 * np.sqrt(2)
+        assert parent.tolist() == [1, -1, -1]
+
+
 def test_flow_on_paper():
     # P0 reaches (3, 0) only; (3, 4) follows over a way of 3 + 4.
     y = np.array([[3.0, 0, 0], [3.0, 4, 0]])
@@ -136,6 +180,26 @@ def test_flow_on_paper():
 def test_the_viewpoint_reaches_the_nearest_point_of_each_direction():
     points = np.array([[5.0, 0.01, 0], [9, 0.01, 0], [0.01, 7, 0], [0.01, 6, 0]])
     assert direct_reach(points, ORIGIN, points).tolist() == [True, False, False, True]
+
+
+def test_sectors_are_two_degrees_wide():
+    # 60 points at -29.5, -28.5, ... 29.5 degrees; the mean lies at 0, where a sector starts.
+    azimuth_rad = np.deg2rad(np.arange(-30, 30) + 0.5)
+    range_m = np.where(np.arange(60) % 2 == 0, 10.0, 20.0)
+    range_m = np.where(azimuth_rad < 0, range_m[::-1], range_m)  # symmetric about the x axis
+    points = np.column_stack(
+        [range_m * np.cos(azimuth_rad), range_m * np.sin(azimuth_rad), np.zeros(60)]
+    )
+    assert direct_reach(points, ORIGIN, points).tolist() == (range_m == 10.0).tolist()
+
+
+def test_forces_keep_at_least_half_the_ground_range():
+    points = np.array([[10.0, 0, 0], [0, 10, 0]])
+    toward_p0_m = np.array([[-9.0, 0, 0], [0, -4, 0]])
+    ground = chart_coordinates(points, toward_p0_m, ORIGIN, "ground")
+    assert np.allclose(ground, [[5, 0], [0, 6]])
+    polar = chart_coordinates(points, toward_p0_m, ORIGIN, "polar")
+    assert np.allclose(polar, [[0, np.log(5)], [np.pi / 2, np.log(6)]])
 
 
 def test_cohesion_equation_3_on_paper():
@@ -196,9 +260,11 @@ def test_charts_keep_the_direction_from_the_viewpoint(chart, rng):
 
 def test_without_forces_the_ground_chart_is_the_ground_plane(rng):
     points, viewpoint = rng.normal(size=(50, 3)) * 10, np.array([1.0, -2.0, 0.5])
-    surface = build_surface(points, viewpoint, cohesion=0.0, repulsion=0.0, chart="ground")
+    surface = build_surface(points, viewpoint, Settings(cohesion=0.0, repulsion=0.0))
     assert np.allclose(surface.chart, (points - viewpoint)[:, :2])
-    polar = build_surface(points, viewpoint, cohesion=0.0, repulsion=0.0, chart="polar").chart
+    polar = build_surface(
+        points, viewpoint, Settings(cohesion=0.0, repulsion=0.0, chart="polar")
+    ).chart
     assert np.allclose(np.exp(polar[:, 1]), np.linalg.norm((points - viewpoint)[:, :2], axis=1))
 
 
@@ -209,8 +275,8 @@ def test_forces_even_out_the_distribution(rng):
     points = np.column_stack(
         [range_m * np.cos(azimuth_rad), range_m * np.sin(azimuth_rad), np.full(2000, -1.7)]
     )
-    plain = build_surface(points, ORIGIN, cohesion=0.0, repulsion=0.0).chart
-    moved = build_surface(points, ORIGIN, cohesion=0.0, repulsion=0.1).chart
+    plain = build_surface(points, ORIGIN, Settings(cohesion=0.0, repulsion=0.0)).chart
+    moved = build_surface(points, ORIGIN, Settings(cohesion=0.0, repulsion=0.1)).chart
     near = 6.0
     assert (np.linalg.norm(moved, axis=1) < near).sum() < (
         np.linalg.norm(plain, axis=1) < near
@@ -228,6 +294,6 @@ def test_few_equal_or_collinear_points_give_finite_surfaces(metric, chart, n):
         np.column_stack([np.arange(1.0, n + 1), np.zeros(n), np.zeros(n)]),
         np.zeros((n, 3)),
     ):
-        surface = build_surface(points, ORIGIN, metric=metric, chart=chart)
+        surface = build_surface(points, ORIGIN, Settings(metric=metric, chart=chart))
         assert np.isfinite(surface.chart).all()
         assert np.isfinite(surface.flow_distance).all()

@@ -26,7 +26,7 @@ from intervis.errors import (
 )
 from intervis.files import write_text
 from intervis.method.analysis import analyze
-from intervis.method.granularity import SteadyTau
+from intervis.method.granularity import TauHysteresis
 from intervis.run.frame_file import (
     FrameRecord,
     frame_path,
@@ -289,7 +289,7 @@ AUTO = Settings(tau="auto", tpi_tolerance=12.0)
 
 def test_tau_auto_holds_still_and_is_told_for_each_frame(tmp_path):
     summary = run(CrowdedDrive(n0=2000, n1=1900, n2=6000), tmp_path, settings=AUTO)
-    steady = SteadyTau(AUTO)
+    steady = TauHysteresis(AUTO)
     taus = [record.tau for record in summary.frames]
     assert taus == [steady.choose(n) for n in (2040, 1940, 6040)]
     assert taus[0] == taus[1] < taus[2]

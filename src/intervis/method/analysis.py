@@ -1,5 +1,7 @@
 """The whole method on one screen: from a raw scan to the intervisible region."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -20,7 +22,7 @@ from intervis.camera import Camera, default_viewpoint
 from intervis.errors import CameraError, PointsError
 from intervis.method import graph
 from intervis.method.criteria import apply_criteria, intervisible_region, reachable_tree
-from intervis.method.field_of_view import VIEW_ANGLE_DEG, FieldOfView, in_angle, in_camera
+from intervis.method.field_of_view import AZIMUTH_FOV_DEG, FieldOfView, in_azimuth, in_camera
 from intervis.method.granularity import choose_tau
 from intervis.method.measures import Measures, Record, measure
 from intervis.method.mesh import build_mesh, star_centroids
@@ -30,9 +32,9 @@ from intervis.settings import Settings
 from intervis.transform import checked_pose
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StageTimes(Record):
-    """Seconds that each stage took; S1, S2 and S3 are the paper's (Table 3).
+    """Seconds that each stage took, a mapping as well; S1, S2 and S3 are the paper's (Table 3).
 
     Attributes
     ----------
@@ -41,7 +43,7 @@ class StageTimes(Record):
     S1, S2, S3 : float
         Manifold auxiliary surface; finite elements; spectral analysis and criteria.
     total : float
-        Raw scan to region.
+        The sum: raw scan to region.
     """
 
     fov: float
@@ -52,9 +54,9 @@ class StageTimes(Record):
     total: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Analysis:
-    """Intervisibility of one scan. V nodes, E edges, F triangles.
+    """Intervisibility of one scan: what `analyze` returns. V nodes, E edges, F triangles.
 
     Attributes
     ----------
@@ -68,17 +70,17 @@ class Analysis:
     node_points : (V, 3) float64 array
         Their coordinates, sensor frame, metres.
     metric : str
-        The metric in force.
+        The metric in force: ``settings.metric``, or "normalized" for a singular covariance.
     chart : (V, 2) float64 array
-        Positions on the manifold auxiliary surface.
+        Coordinates of the nodes in the projection in which the mesh is built.
     flow_distance : (V,) float64 array
-        D' from P0.
+        D', the length of the shortest path from P0 through the nodes.
     edges : (E, 2) int64 array
         Indices into nodes, smaller one first.
     edge_length : (E,) float64 array
         D between an edge's ends.
     edge_weight : (E,) float64 array
-        Weights of the Laplacian.
+        Weight of each edge in the Laplacian.
     triangles : (F, 3) int64 array
         Indices into nodes.
     node_intervisible, edge_intervisible, region : (V,), (E,), (F,) bool arrays
@@ -86,9 +88,10 @@ class Analysis:
     handed_over : (V,) bool array
         Nodes on a concave boundary (Algorithm 1, lines 2 to 4).
     tree_parent : (V,) int64 array
-        The reachable tree: the node before each, -1 at its starts, -2 where it does not reach.
+        The tree of shortest paths from P0 along intervisible edges: the node before each node, -1
+        for one that P0 reaches directly, -2 for one that the tree does not reach.
     cut : float
-        The decomposition SD (Eq. 12).
+        The decomposition SD (Eq. 12) of the intervisibility points and the rest.
     measures : Measures
     times : StageTimes
     """
@@ -114,6 +117,12 @@ class Analysis:
     measures: Measures
     times: StageTimes
 
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__}: {len(self.nodes)} nodes, {len(self.edges)} edges,"
+            f" {len(self.triangles)} triangles, TPI {self.measures.TPI:.1f} %>"
+        )
+
     @cached_property
     def adjacency(self) -> csr_array:
         """(V, V) sparse adjacency matrix A."""
@@ -130,7 +139,7 @@ class Analysis:
         return graph.normalized_laplacian(self.adjacency)
 
     def fiedler_cut(self) -> float:
-        """SD (Eq. 12) of the cut that the Fiedler vector would make: the graph's own bottleneck."""
+        """SD (Eq. 12) of the cut by the signs of the Fiedler vector, for comparison with `cut`."""
         return graph.cut(self.edges, self.edge_weight, graph.fiedler_side(self.adjacency))
 
 
@@ -150,41 +159,43 @@ def analyze(
         Raw scan, sensor frame (x forward, y left, z up), metres. Rows that are no return (NaN,
         infinite, or 0, 0, 0) are left out and counted.
     camera, cam_from_velo : Camera and (4, 4) array, or None
-        The camera whose field of view counts. Without one, or with ``settings.view`` other than
-        "camera", the view is a named opening around the sensor's x axis.
+        The camera whose field of view is analysed, and its extrinsics (sensor to rectified camera
+        frame). Without a camera, or with ``settings.view`` other than "camera", it is an azimuth
+        field of view centred on the sensor's x axis.
     viewpoint : (3,) array or None
-        Meta-viewpoint P0, sensor frame, metres; None is the camera's centre (without a camera,
-        the sensor).
+        Meta-viewpoint P0, sensor frame, metres; None is the camera's centre or, without a camera,
+        the sensor.
     settings : Settings or None
+        None is ``Settings()``.
 
     Raises
     ------
     PointsError
         `points` or `viewpoint` are malformed, or no return is in view.
     PoseError, CameraError
-        `cam_from_velo` is no rigid motion, or one of `camera` and `cam_from_velo` is missing.
+        `cam_from_velo` is no rigid motion, or only one of `camera` and `cam_from_velo` is given.
 
     References
     ----------
     L. Bai, Y. Li, M. Cen, "Dynamic Intervisibility Analysis of 3D Point Clouds", ISPRS Int. J.
-    Geo-Inf. 10 (2021).
+    Geo-Inf. 10 (11), 782, 2021. https://doi.org/10.3390/ijgi10110782
 
     Examples
     --------
     >>> rng = np.random.default_rng(0)
     >>> ground = np.column_stack([rng.uniform(5, 40, (500, 2)), np.full(500, -1.7)])
-    >>> result = analyze(ground, settings=Settings(tau=5, criterion="sight_angle"))
+    >>> result = analyze(ground, settings=Settings(tau=5))
     >>> result.measures.n, result.measures.SP == result.measures.N + result.measures.n - 1
     (100, True)
     """
     settings = Settings() if settings is None else settings
     raw = checked_points(points)
-    cam_from_velo = checked_mount(camera, cam_from_velo)
+    extrinsics = checked_extrinsics(camera, cam_from_velo)
     clock = Clock()
 
     # Sec. 2.1: the field of view (Eq. 1, 2), and its sampling by a kernel of granularity tau
-    view = field_of_view(raw, camera, cam_from_velo, settings.view)
-    origin = meta_viewpoint(viewpoint, camera, cam_from_velo)
+    view = field_of_view(raw, camera, extrinsics, settings.view)
+    origin = meta_viewpoint(viewpoint, camera, extrinsics)
     in_view = raw[view.index].astype(np.float64)
     clock.lap("fov")
     sampled = _sample(in_view, origin, settings)
@@ -192,15 +203,7 @@ def analyze(
     clock.lap("sampling")
 
     # Sec. 2.2: the manifold auxiliary surface (Eq. 3 to 8)
-    surface = build_surface(
-        position,
-        origin,
-        metric=settings.metric,
-        chart=settings.chart,
-        cohesion=settings.cohesion,
-        repulsion=settings.repulsion,
-        influence_radius=settings.influence_radius,
-    )
+    surface = build_surface(position, origin, settings)
     clock.lap("S1")
 
     # Sec. 2.3: finite elements, and the centroid of each node's subgraph (Eq. 14)
@@ -211,24 +214,22 @@ def analyze(
     clock.lap("S2")
 
     # Sec. 2.3: MPCS and Algorithm 1 (Eq. 13), region, tree, and the cut SD (Eq. 12)
-    verdict = apply_criteria(
+    result = apply_criteria(
         position,
         origin,
         mesh.edges,
         length,
         surface.flow_distance,
         to_centroid,
-        gate=settings.gate,
-        concave_boundary=settings.concave_boundary,
-        criterion=settings.criterion,
+        settings,
         returns=in_view,
     )
-    region = intervisible_region(mesh.triangles, mesh.edges, verdict.node, verdict.edge)
+    region = intervisible_region(mesh.triangles, mesh.edges, result.node, result.edge)
     tree = reachable_tree(
-        mesh.edges, length, surface.flow_distance, surface.flow_parent, verdict.node, verdict.edge
+        mesh.edges, length, surface.flow_distance, surface.flow_parent, result.node, result.edge
     )
     weight = length if settings.weights == "length" else np.ones(len(length))
-    cut = graph.cut(mesh.edges, weight, verdict.node)
+    cut = graph.cut(mesh.edges, weight, result.node)
     clock.lap("S3")
 
     return Analysis(
@@ -244,10 +245,10 @@ def analyze(
         edge_length=length,
         edge_weight=weight,
         triangles=mesh.triangles,
-        node_intervisible=verdict.node,
-        edge_intervisible=verdict.edge,
+        node_intervisible=result.node,
+        edge_intervisible=result.edge,
         region=region,
-        handed_over=verdict.handed_over,
+        handed_over=result.handed_over,
         tree_parent=tree,
         cut=cut,
         # Eq. 15 to 17
@@ -258,21 +259,21 @@ def analyze(
             n=len(nodes),
             elements=len(mesh.triangles),
             edges=len(mesh.edges),
-            intervisible=int(verdict.edge.sum()),
+            intervisible=int(result.edge.sum()),
         ),
         times=clock.times(),
     )
 
 
 class Clock:
-    """Laps of one run through the stages."""
+    """Stage times of one run."""
 
     def __init__(self) -> None:
         self._last = perf_counter()
         self._laps: dict[str, float] = {}
 
     def lap(self, stage: str) -> None:
-        """Seconds since the last lap go to this stage."""
+        """Record the seconds since the previous lap as the time of this stage."""
         now = perf_counter()
         self._laps[stage] = now - self._last
         self._last = now
@@ -282,26 +283,57 @@ class Clock:
         return StageTimes(**self._laps, total=sum(self._laps.values()))
 
 
-def checked_mount(camera: Camera | None, cam_from_velo: ArrayLike | None) -> Float64Array | None:
-    """The camera's mounting, where there is a camera."""
-    if camera is None:
+def checked_extrinsics(
+    camera: Camera | None, cam_from_velo: ArrayLike | None
+) -> Float64Array | None:
+    """The camera's extrinsics as a (4, 4) rigid motion; None without a camera.
+
+    Raises
+    ------
+    CameraError
+        Only one of the two is given.
+    PoseError
+        `cam_from_velo` is no rigid motion.
+    """
+    if camera is None and cam_from_velo is None:
         return None
     if cam_from_velo is None:
-        raise CameraError("a camera needs cam_from_velo, the 4x4 way from the sensor to it.")
+        raise CameraError(
+            "a camera needs its extrinsics: pass cam_from_velo, the 4x4 matrix from the sensor's"
+            " to the rectified camera's frame."
+        )
+    if camera is None:
+        raise CameraError(
+            "cam_from_velo is given without a camera: pass the camera too, or leave both out."
+        )
     return checked_pose(cam_from_velo, "cam_from_velo")
 
 
 def field_of_view(
     raw: FloatArray, camera: Camera | None, cam_from_velo: Float64Array | None, view: str
 ) -> FieldOfView:
-    """What is in view, of the camera or in a named opening; never empty."""
+    """The returns in the camera's image or in the named azimuth field of view.
+
+    Parameters
+    ----------
+    raw : (N, 3) float array
+        Raw scan, sensor frame, metres.
+    camera, cam_from_velo : Camera and (4, 4) float64 array, or None
+    view : str
+        ``settings.view``. "camera" without a camera is the full circle.
+
+    Raises
+    ------
+    PointsError
+        No return is in view.
+    """
     if view == "camera" and camera is not None and cam_from_velo is not None:
         found = in_camera(raw, camera, cam_from_velo)
         where = f"of the camera {camera.name!r}"
     else:
-        opening_deg = VIEW_ANGLE_DEG.get(view, 360.0)
-        found = in_angle(raw, opening_deg)
-        where = f"in the {opening_deg:.0f} degrees around the x axis"
+        fov_deg = AZIMUTH_FOV_DEG.get(view, AZIMUTH_FOV_DEG["circle"])
+        found = in_azimuth(raw, fov_deg)
+        where = f"in the {fov_deg:.0f} degrees around the x axis"
     if len(found.index) == 0:
         raise PointsError(
             f"no return is in view {where}: of {len(raw)} rows {found.n_raw} are returns; check"
@@ -313,7 +345,7 @@ def field_of_view(
 def meta_viewpoint(
     viewpoint: ArrayLike | None, camera: Camera | None, cam_from_velo: Float64Array | None
 ) -> Float64Array:
-    """P0: the viewpoint asked for, or the camera's centre, or the sensor."""
+    """P0: the given viewpoint, else the camera's centre, else the sensor."""
     if viewpoint is not None:
         return checked_point(viewpoint)
     return default_viewpoint(camera, cam_from_velo)

@@ -1,4 +1,4 @@
-"""Field of view: which returns the camera of this moment looks at (paper Sec. 2.1, Eq. 1 and 2)."""
+"""Field of view: which returns project into the camera's image (paper Sec. 2.1, Eq. 1 and 2)."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ from intervis.arrays import Float64Array, FloatArray, IntArray
 from intervis.camera import Camera
 from intervis.kernels import kernel
 
-VIEW_ANGLE_DEG = {"circle": 360.0, "wide": 180.0, "front": 90.0}
-"""Named openings in azimuth, centred on the sensor's x axis, for work without a camera."""
+AZIMUTH_FOV_DEG = {"circle": 360.0, "wide": 180.0, "front": 90.0}
+"""Azimuth fields of view by name, centred on the sensor's x axis, for scans without a camera."""
 
 
 @dataclass(frozen=True, eq=False)
 class FieldOfView:
-    """What is in view.
+    """The returns in view.
 
     Attributes
     ----------
@@ -23,8 +23,8 @@ class FieldOfView:
     n_raw : int
         Returns of the raw scan.
     n_dropped : int
-        Rows that are no return and left out: a coordinate is NaN or infinite, or all three are 0,
-        which is how some files fill up for a beam that did not come back.
+        Rows that are no return and are left out: a coordinate is NaN or infinite, or all three are
+        0, which some files store for a beam without return.
     """
 
     index: IntArray
@@ -41,8 +41,7 @@ def in_camera(points_velo: FloatArray, camera: Camera, cam_from_velo: Float64Arr
     """Returns that project into the camera's image (Eq. 1 and 2).
 
     A return is in view when its depth is positive and its pixel (u, v) has 0 <= u < width and
-    0 <= v < height, with the real principal point. Returns behind the camera are dropped before
-    the division.
+    0 <= v < height, with the calibrated principal point.
 
     Parameters
     ----------
@@ -70,23 +69,22 @@ def in_camera(points_velo: FloatArray, camera: Camera, cam_from_velo: Float64Arr
     return FieldOfView(index[:n_fov].copy(), len(points_velo) - n_dropped, n_dropped)
 
 
-def in_angle(points_velo: FloatArray, opening_deg: float) -> FieldOfView:
-    """Returns whose azimuth lies within an opening centred on the x axis.
+def in_azimuth(points_velo: FloatArray, fov_deg: float) -> FieldOfView:
+    """Returns within an azimuth field of view centred on the x axis.
 
     Examples
     --------
-    >>> in_angle(np.array([[5.0, 1, 0], [1, 5, 0], [-5, 0, 0]]), 90.0).index
+    >>> in_azimuth(np.array([[5.0, 1, 0], [1, 5, 0], [-5, 0, 0]]), 90.0).index
     array([0])
     """
     index = np.empty(len(points_velo), np.int64)
-    half_rad = np.deg2rad(opening_deg) / 2
-    n_fov, n_dropped = _in_azimuth(points_velo, half_rad, index)
+    n_fov, n_dropped = _in_azimuth(points_velo, np.deg2rad(fov_deg) / 2, index)
     return FieldOfView(index[:n_fov].copy(), len(points_velo) - n_dropped, n_dropped)
 
 
 @kernel
 def _is_return(x: float, y: float, z: float) -> bool:
-    # A sum is finite only if its terms are; a return at the sensor itself is none.
+    # The sum is finite only if all three are. (0, 0, 0) marks a beam without return.
     return bool(np.isfinite(x + y + z) and not (x == 0.0 and y == 0.0 and z == 0.0))
 
 
@@ -94,7 +92,7 @@ def _is_return(x: float, y: float, z: float) -> bool:
 def _in_image(
     points: FloatArray, matrix: Float64Array, width_px: float, height_px: float, index: IntArray
 ) -> tuple[int, int]:
-    """Indices of the points in the image; how many there are, and how many are not finite."""
+    """Write the indices of the points in the image; how many, and how many rows are no return."""
     n_fov = 0
     n_dropped = 0
     for i in range(points.shape[0]):
@@ -109,7 +107,8 @@ def _in_image(
             continue
         u = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3]
         v = matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z + matrix[1, 3]
-        # Compared without the division: u / depth < width is u < width * depth for depth > 0.
+        # u and v are not divided by the depth: for depth > 0, u / depth < width is
+        # u < width * depth.
         if 0.0 <= u < width_px * depth and 0.0 <= v < height_px * depth:
             index[n_fov] = i
             n_fov += 1
@@ -118,6 +117,7 @@ def _in_image(
 
 @kernel
 def _in_azimuth(points: FloatArray, half_rad: float, index: IntArray) -> tuple[int, int]:
+    """As `_in_image`, for azimuths from -half_rad to half_rad."""
     n_fov = 0
     n_dropped = 0
     for i in range(points.shape[0]):

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import eigsh
 from intervis.arrays import BoolArray, Float64Array, IntArray
 
 DENSE_LIMIT = 400
-"""Up to so many nodes a dense eigenvalue solver is quicker, and always converges."""
+"""Up to this many nodes a dense eigenvalue solver is faster, and it always converges."""
 
 
 def adjacency(edges: IntArray, weights: Float64Array, nodes: int) -> csr_array:
@@ -38,7 +38,7 @@ def laplacian(adjacency_matrix: csr_array) -> csr_array:
 def normalized_laplacian(adjacency_matrix: csr_array) -> csr_array:
     """D^-1/2 L D^-1/2 (Eq. 10), with D^-1/2 = 0 for a node without edges.
 
-    Its eigenvalues lie between 0 and 2. I - D^-1/2 A D^-1/2 on nodes that have edges.
+    Equal to I - D^-1/2 A D^-1/2 on the nodes that have edges. Eigenvalues lie between 0 and 2.
     """
     degree = degrees(adjacency_matrix)
     root = diags_array(np.divide(1.0, np.sqrt(degree), out=np.zeros_like(degree), where=degree > 0))
@@ -51,7 +51,7 @@ def degrees(adjacency_matrix: csr_array) -> Float64Array:
 
 
 def cut(edges: IntArray, weights: Float64Array, chosen: BoolArray) -> float:
-    """The decomposition SD (Eq. 12): half the weight of the edges between chosen and rest.
+    """The decomposition SD (Eq. 12): half the weight of the edges between `chosen` and the rest.
 
     Examples
     --------
@@ -64,14 +64,16 @@ def cut(edges: IntArray, weights: Float64Array, chosen: BoolArray) -> float:
 
 
 def fiedler_side(adjacency_matrix: csr_array) -> BoolArray:
-    """(V,) the side of each node in the cut of the second eigenvector of the normalised Laplacian.
+    """(V,) sides of the cut by the signs of the Fiedler vector.
 
-    Taken within the largest connected part; nodes outside of it are on the False side. The side
-    that holds the part's lowest-numbered node is False.
+    That is the second eigenvector of the normalised Laplacian, here of the largest connected
+    component; nodes outside of it are False. The component's lowest-numbered node is False.
     """
     side = np.zeros(adjacency_matrix.shape[0], bool)
-    part = connected_components(adjacency_matrix, directed=False)[1]
-    largest = np.flatnonzero(part == np.bincount(part).argmax()) if len(part) else part
+    if not len(side):
+        return side
+    component = connected_components(adjacency_matrix, directed=False)[1]
+    largest = np.flatnonzero(component == np.bincount(component).argmax())
     if len(largest) < 2:
         return side
     matrix = normalized_laplacian(csr_array(adjacency_matrix[largest][:, largest]))

@@ -1,26 +1,29 @@
 """The paper's measures (Sec. 4, Eq. 15 to 17)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 
 
-class Record:
-    """Lets a dataclass of numbers be read by name as well: ``m["TPI"]``, ``dict(m)``."""
+class Record(Mapping[str, float]):
+    """Base of dataclasses of numbers that are also mappings: ``m["TPI"]``, ``dict(m)``, ``in``."""
 
-    def keys(self) -> Iterator[str]:
+    def __iter__(self) -> Iterator[str]:
         """Names of the fields, in order."""
         return (field.name for field in fields(self))  # type: ignore[arg-type]
 
+    def __len__(self) -> int:
+        return len(fields(self))  # type: ignore[arg-type]
+
     def __getitem__(self, name: str) -> float:
-        if name not in self.keys():
+        if name not in tuple(self):
             raise KeyError(name)
         value: float = getattr(self, name)
         return value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Measures(Record):
-    """What the paper's tables say of one frame.
+    """The paper's measures of one frame; a mapping from their names as well.
 
     Attributes
     ----------
@@ -35,10 +38,16 @@ class Measures(Record):
     N : int
         Finite elements (triangles).
     SP : int
-        Unique undirected edges, the adjacent pairs that are judged: N + n - 1.
+        Unique undirected edges, the pairs that are compared: N + n - 1.
     ARR, TPI, TPI_unique, DCP : float
         Eq. 15, Eq. 16, the share of unique edges, and Eq. 17, in per cent. TPI cannot exceed
         100 SP / (3 N), just over 50, because 3 N counts every inner edge twice.
+
+    Examples
+    --------
+    >>> result = measure(n_raw=9, n_dropped=0, n_fov=9, n=4, elements=2, edges=5, intervisible=3)
+    >>> result.TPI, result["TPI"], "TPI" in result
+    (50.0, 50.0, True)
     """
 
     n_raw: int
@@ -65,17 +74,17 @@ def average_redundancy_removal(n_raw: int, n: int) -> float:
 
 
 def two_point_intervisibility(intervisible_edges: int, elements: int) -> float:
-    """TPI (Eq. 16), per cent: intervisible edges over three edges for each finite element."""
+    """TPI (Eq. 16), per cent: intervisible edges divided by three times the finite elements."""
     return 100.0 * intervisible_edges / (3 * elements) if elements else 0.0
 
 
 def unique_intervisibility(intervisible_edges: int, edges: int) -> float:
-    """Share of the unique edges that are intervisible, per cent; reaches 100, unlike TPI."""
+    """TPI_unique, per cent: the share of the unique edges that are intervisible, up to 100."""
     return 100.0 * intervisible_edges / edges if edges else 0.0
 
 
 def decreasing_calculation(n_raw: int, intervisible_edges: float) -> float:
-    """DCP (Eq. 17), per cent: sight lines saved against one for each raw point.
+    """DCP (Eq. 17), per cent: sight lines saved, compared with one for each raw point.
 
     Examples
     --------

@@ -1,4 +1,7 @@
-"""Finite elements: Delaunay triangles over the surface's chart (paper Sec. 2.3, Eq. 14)."""
+"""Finite elements: Delaunay triangles in the mesh's projection (paper Sec. 2.3, Eq. 14).
+
+The projection in which the mesh is built is named `chart` here and in `intervis.Settings`.
+"""
 
 from dataclasses import dataclass
 
@@ -8,8 +11,7 @@ from scipy.spatial import Delaunay, QhullError
 from intervis.arrays import Float64Array, IntArray
 
 SLIVER = 1e-12
-"""A triangulation whose largest triangle is less than this share of the chart's extent squared lies
-on one line."""
+"""Positions are collinear when no triangle is larger than this share of the extent squared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,9 +21,9 @@ class Mesh:
     Attributes
     ----------
     triangles : (F, 3) int64 array
-        Nodes of each finite element, counter-clockwise in the chart.
+        Nodes of each finite element, counter-clockwise in the projection.
     area : (F,) float64 array
-        Area S_k of each in the chart, positive (Eq. 14).
+        Area S_k of each in the projection, positive (Eq. 14).
     edges : (E, 2) int64 array
         Unique undirected edges, smaller node first, sorted.
     """
@@ -32,13 +34,13 @@ class Mesh:
 
 
 def build_mesh(chart: Float64Array) -> Mesh:
-    """Delaunay triangulation of chart positions.
+    """Delaunay triangulation of projected positions.
 
-    With n distinct positions of which h lie on the hull it has N = 2n - 2 - h triangles and
-    E = N + n - 1 edges. Copies of a position stay without edges, save the first that the
-    triangulation takes. Slivers between positions on one line are kept, so that the mesh has no
-    holes. Where all positions lie on one line (or are fewer than three) there is no triangle but a
-    chain of edges from each to the next.
+    With n distinct positions of which h lie on the convex hull it has N = 2n - 2 - h triangles and
+    E = N + n - 1 edges. Of several nodes at one position only one has edges. Triangles without
+    area between collinear positions are kept, so that the mesh has no holes. Where all positions
+    are collinear, or fewer than three, there is no triangle: the edges join each position to the
+    next along the line.
 
     Parameters
     ----------
@@ -51,17 +53,34 @@ def build_mesh(chart: Float64Array) -> Mesh:
     >>> len(mesh.triangles), len(mesh.edges), float(mesh.area.sum().round(3))
     (2, 5, 1.1)
     """
-    extent = float(np.ptp(chart, axis=0).max()) if len(chart) else 0.0
-    if len(chart) >= 3 and extent > 0:
-        try:
-            found = Delaunay((chart - chart.mean(axis=0)) / extent).simplices.astype(np.int64)
-        except QhullError:  # all positions on one line
-            found = np.empty((0, 3), np.int64)
-        area = signed_area(chart, found)
-        found[area < 0] = found[area < 0][:, ::-1]
-        if len(found) and np.abs(area).max() > SLIVER * extent**2:
-            return Mesh(found, np.abs(area), unique_edges(found, len(chart)))
+    found = triangulate(chart)
+    if found is not None:
+        triangles = found.simplices.astype(np.int64)
+        area = signed_area(chart, triangles)
+        triangles[area < 0] = triangles[area < 0][:, ::-1]
+        if np.abs(area).max() > SLIVER * _extent(chart) ** 2:
+            return Mesh(triangles, np.abs(area), unique_edges(triangles, len(chart)))
     return Mesh(np.empty((0, 3), np.int64), np.empty(0), _chain(chart))
+
+
+def triangulate(chart: Float64Array) -> Delaunay | None:
+    """Delaunay triangulation after scaling to unit extent; None where Qhull finds no triangle.
+
+    Parameters
+    ----------
+    chart : (V, 2) float64 array
+    """
+    if len(chart) < 3 or not _extent(chart) > 0:
+        return None
+    try:
+        return Delaunay((chart - chart.mean(axis=0)) / _extent(chart))
+    except QhullError:  # all positions are collinear
+        return None
+
+
+def _extent(chart: Float64Array) -> float:
+    """The longer side of the bounding box."""
+    return float(np.ptp(chart, axis=0).max())
 
 
 def signed_area(chart: Float64Array, triangles: IntArray) -> Float64Array:
@@ -90,15 +109,15 @@ def unique_edges(triangles: IntArray, nodes: int) -> IntArray:
 def star_centroids(mesh: Mesh, position: Float64Array) -> Float64Array:
     """(V, k) centroid G_c of each node's subgraph, its star of triangles (Eq. 14).
 
-    The area-weighted mean of the triangles' centroids, with areas from the chart and positions in
-    whatever coordinates are asked for; NaN for a node without triangles.
+    The mean of the triangles' centroids, weighted by their areas in the projection; NaN for a node
+    without triangles.
 
     Parameters
     ----------
     mesh : Mesh
     position : (V, k) float64 array
-        Positions of the nodes: the chart for Eq. 14 as printed, or `Surface.metric_position`, in
-        which D is the plain distance.
+        Positions of the nodes: the projected ones for Eq. 14 as printed, or
+        `Surface.metric_position`, in which D is the Euclidean distance.
     """
     nodes, width = position.shape
     weighted = position[mesh.triangles].mean(axis=1) * mesh.area[:, None]
@@ -117,8 +136,7 @@ def _chain(chart: Float64Array) -> IntArray:
     """Edges between consecutive distinct positions along the line that they lie on."""
     if len(chart) < 2:
         return np.empty((0, 2), np.int64)
-    distinct = np.unique(chart, axis=0, return_index=True)[1]
-    order = distinct  # np.unique sorts by the first coordinate, then by the second
-    pairs = np.column_stack([order[:-1], order[1:]])
-    pairs = np.sort(pairs, axis=1)
+    # np.unique sorts by the first coordinate, then by the second: the order along the line.
+    order = np.unique(chart, axis=0, return_index=True)[1]
+    pairs = np.sort(np.column_stack([order[:-1], order[1:]]), axis=1)
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]

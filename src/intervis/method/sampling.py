@@ -1,7 +1,7 @@
 """Sampling with a spherical kernel of granularity tau (paper Sec. 2.1).
 
-tau is a number of points: the paper's tables give n = ceil(n_fov / tau) in every row. A kernel is
-a compact group of tau neighbouring returns; each gives one node, a real return.
+tau is a number of points: the paper's tables give n = ceil(n_fov / tau) in every row. A (sampling)
+kernel is a compact group of tau neighbouring returns; each gives one node, which is one of them.
 """
 
 import numpy as np
@@ -10,16 +10,17 @@ from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
 
 NEAR_TIE = 1e-9
-"""Squared distances that differ by less than this share count as equal."""
+"""Squared distances that differ by less than this share are equal."""
 
 
 def sample_kernels(points: Float64Array, tau: int, viewpoint: Float64Array) -> IntArray:
     """One node for each kernel of tau neighbouring points: exactly ceil(n / tau) nodes.
 
-    The points are halved again and again across their longest principal axis, near side first,
-    each time at a whole number of kernels. So every kernel but one holds exactly tau points, the
-    kernels are compact, consecutive kernels are neighbours, the work is O(n log n), and the result
-    does not depend on the order of the points nor on how the axes of the frame are turned.
+    The points are split recursively in two halves across their first principal axis, the half
+    nearer to the viewpoint first, each time at a whole number of kernels. So every kernel but the
+    last holds exactly tau points, kernels are compact, consecutive kernels are neighbours, the cost
+    is O(n log n), and the result depends neither on the order of the points nor on a rotation of
+    the frame.
 
     Parameters
     ----------
@@ -28,13 +29,13 @@ def sample_kernels(points: Float64Array, tau: int, viewpoint: Float64Array) -> I
     tau : int
         Points in one kernel.
     viewpoint : (3,) float64 array
-        The meta-viewpoint P0: tells the near side from the far side.
+        The meta-viewpoint P0.
 
     Returns
     -------
     (ceil(n / tau),) int64 array
-        Rows of `points`: the member of each kernel that is nearest to the kernel's mean (of
-        several as near, the one nearer to the viewpoint), ascending.
+        Rows of `points`, ascending: the member of each kernel nearest to the kernel's mean (of
+        several at one distance, the one nearest to the viewpoint).
 
     Examples
     --------
@@ -52,7 +53,7 @@ def sample_kernels(points: Float64Array, tau: int, viewpoint: Float64Array) -> I
 
 
 def sample_stride(count: int, tau: int) -> IntArray:
-    """Every tau-th return: ceil(count / tau) nodes, the cheapest choice that fits the tables.
+    """Every tau-th return: ceil(count / tau) nodes, the cheapest sampling that fits the tables.
 
     Examples
     --------
@@ -63,10 +64,10 @@ def sample_stride(count: int, tau: int) -> IntArray:
 
 
 def sample_radius(points: Float64Array, radius_m: float, viewpoint: Float64Array) -> IntArray:
-    """One node for each ball of a metric radius, taken greedily in scan order.
+    """One node for each ball of a metric radius, assigned greedily in scan order.
 
-    A point that no ball holds yet starts the next ball; the node is the member nearest to the
-    mean of the points the ball takes in. Every point lies within `radius_m` of its ball's start.
+    The first point without a ball is the centre of the next ball, which takes all points within
+    `radius_m` that have none. The node is the member nearest to the mean of the ball's points.
 
     Returns
     -------
@@ -81,7 +82,7 @@ def sample_radius(points: Float64Array, radius_m: float, viewpoint: Float64Array
     if len(points) == 0:
         return np.arange(0)
     cell = np.floor((points - points.min(axis=0)) / radius_m).astype(np.int64)
-    # A border of empty cells keeps the 27 neighbours of a cell from wrapping to another row.
+    # One empty cell on each side, so that no neighbour of a cell wraps to another row.
     strides = np.cumprod(np.array([1, *(cell.max(axis=0)[:2] + 3)]))
     key = (cell + 1) @ strides
     by_cell = np.argsort(key, kind="stable")
@@ -101,13 +102,15 @@ def sample_radius(points: Float64Array, radius_m: float, viewpoint: Float64Array
 def _partition(
     points: Float64Array, order: IntArray, tau: int, viewpoint: Float64Array
 ) -> IntArray:
-    """Sort `order` into kernels in place; where each kernel starts, and one last entry n."""
+    """Sort `order` into kernels in place; the offset of each kernel, and n as the last entry."""
     n = order.shape[0]
     kernels = (n + tau - 1) // tau
     starts = np.empty(kernels + 1, np.int64)
     starts[kernels] = n
     projection = np.empty(n)
-    stack = np.empty((64, 2), np.int64)  # first kernel and number of kernels, still to be halved
+    # An explicit stack instead of recursion: (first kernel, number of kernels) still to be split.
+    # The nearer half is split first, so it holds at most 1 + log2(kernels) entries, rounded up.
+    stack = np.empty((64, 2), np.int64)
     stack[0, 0] = 0
     stack[0, 1] = kernels
     depth = 1
@@ -140,7 +143,7 @@ def _project(
     viewpoint: Float64Array,
     projection: Float64Array,
 ) -> None:
-    """Coordinates along the longest principal axis of order[start:stop], away from P0."""
+    """Coordinates along the first principal axis of order[start:stop], pointing away from P0."""
     mx = my = mz = 0.0
     for k in range(start, stop):
         i = order[k]
@@ -163,7 +166,7 @@ def _project(
         yy += y * y
         yz += y * z
         zz += z * z
-    ax, ay, az = _longest_axis(xx, xy, xz, yy, yz, zz)
+    ax, ay, az = _first_axis(xx, xy, xz, yy, yz, zz)
     away = ax * (mx - viewpoint[0]) + ay * (my - viewpoint[1]) + az * (mz - viewpoint[2])
     if away < 0.0:
         ax, ay, az = -ax, -ay, -az
@@ -173,7 +176,7 @@ def _project(
 
 
 @kernel
-def _longest_axis(
+def _first_axis(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
 ) -> tuple[float, float, float]:
     """Unit eigenvector of the largest eigenvalue of a symmetric 3x3 matrix (Jacobi's method)."""
@@ -216,11 +219,11 @@ def _longest_axis(
 
 @kernel
 def _select(order: IntArray, value: Float64Array, start: int, stop: int, target: int) -> None:
-    """Quickselect: bring the smaller values of [start, stop) before position `target`."""
+    """Quickselect: sort the smallest values of [start, stop) before position `target`."""
     low = start
     high = stop - 1
     while low < high:
-        # Median of three as the pivot: sorted and reversed input stay linear.
+        # The pivot is the median of three, so that sorted and reversed input cost linear time.
         middle = (low + high) // 2
         a, b, c = value[low], value[middle], value[high]
         pivot = max(min(a, b), min(max(a, b), c))
@@ -250,8 +253,9 @@ def _nearest_to_mean(
 ) -> IntArray:
     """For each kernel order[starts[k]:starts[k + 1]], its member nearest to its mean.
 
-    The two members of a pair are as near as each other but for rounding, so near ties are settled
-    by the distance to the viewpoint, which no turn of the frame and no other order changes.
+    The two members of a kernel of two differ in distance only by rounding. So near ties are decided
+    by the distance to the viewpoint, which depends neither on a rotation of the frame nor on the
+    order of the points.
     """
     nodes = np.empty(starts.shape[0] - 1, np.int64)
     for k in range(nodes.shape[0]):
@@ -297,7 +301,11 @@ def _cover(
     first: IntArray,
     offsets: IntArray,
 ) -> IntArray:
-    """Number of the ball that takes in each point."""
+    """(n,) number of the ball of each point.
+
+    `key` is the cell of each point, `by_cell` the points sorted by cell, `cells` and `first` the
+    occupied cells and their offsets in `by_cell` (CSR), `offsets` the 27 cells around a cell.
+    """
     n = points.shape[0]
     ball = np.full(n, -1, np.int64)
     balls = 0

@@ -1,12 +1,13 @@
 """Manifold auxiliary surface, MAS (paper Sec. 2.2, Eq. 3 to 8).
 
-One metric D measures everything. Whitening once, y = (p - P0) W with W W^T the inverse covariance,
-makes the Mahalanobis distance (Eq. 4) a plain distance between rows of y; the other metrics are
-the same with another W. In that space every point is pulled by its surroundings (cohesion, Eq. 3)
-and pushed away from the meta-viewpoint (repulsion, Eq. 6), and the moved points are given two
-coordinates in a chart that keeps their direction as seen from P0.
+All lengths are measured in one metric D. The points are whitened once, y = (p - P0) W with W W^T
+the inverse covariance, so that the Mahalanobis distance (Eq. 4) is the Euclidean distance between
+rows of y; the other metrics differ only in W. In that space every point is attracted by its
+neighbours (cohesion, Eq. 3) and repelled by the meta-viewpoint (repulsion, Eq. 6). The displaced
+points are then projected to two coordinates that keep their direction as seen from P0.
 """
 
+import heapq
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,19 +15,23 @@ from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
 from intervis.kernels import kernel
+from intervis.settings import Settings
 
 NEIGHBOURS = 8
-"""Surrounding points that pull one point, and that the flow may go on to from it."""
+"""Neighbours of each point, for the cohesion and for the paths of D'."""
 
 SECTORS = 180
-"""Directions of azimuth in which P0 reaches the nearest point directly."""
+"""Sectors of azimuth, 2 degrees each, in which P0 reaches the nearest point directly."""
 
 SINGULAR = 1e-10
-"""Correlations whose eigenvalues differ by more than this ratio count as singular, and a variance
-of less than this share of the largest counts as none."""
+"""A correlation matrix is singular when its eigenvalues differ by more than this ratio; a variance
+is zero when it is less than this share of the largest."""
 
 NEAREST_SHARE = 0.5
-"""No force may shrink a point's ground range to less than this share of it."""
+"""No force reduces a point's ground range to less than this share of it."""
+
+PARALLEL_POINTS = 4096
+"""Fewest points for which nearest neighbours are searched on all cores."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +41,15 @@ class Surface:
     Attributes
     ----------
     metric_position : (V, 3) float64 array
-        Positions y relative to P0 in which D is the plain distance; P0 is the origin.
+        Positions y relative to P0, in which D is the Euclidean distance; P0 is the origin.
     flow_distance : (V,) float64 array
-        D', the shortest path from P0 through the points, in units of D.
+        D', the length of the shortest path from P0 through the points, in units of D.
     flow_parent : (V,) int64 array
         The node before each node on that path; -1 where P0 reaches the node directly.
     displacement : (V, 3) float64 array
         The resultant force on each point, in units of y.
     chart : (V, 2) float64 array
-        The two coordinates in which the mesh is built.
+        Coordinates in the projection in which the mesh is built.
     metric : str
         The metric in force: "normalized" where "mahalanobis" was asked for and the covariance is
         singular.
@@ -58,16 +63,7 @@ class Surface:
     metric: str
 
 
-def build_surface(
-    points: Float64Array,
-    viewpoint: Float64Array,
-    *,
-    metric: str = "ground",
-    chart: str = "ground",
-    cohesion: float = 0.1,
-    repulsion: float = 0.1,
-    influence_radius: float | None = None,
-) -> Surface:
+def build_surface(points: Float64Array, viewpoint: Float64Array, settings: Settings) -> Surface:
     """The manifold auxiliary surface of sampled points (Eq. 3 to 8).
 
     Parameters
@@ -76,16 +72,16 @@ def build_surface(
         Nodes, sensor frame (z up), metres.
     viewpoint : (3,) float64 array
         Meta-viewpoint P0, sensor frame, metres.
-    metric, chart, cohesion, repulsion, influence_radius
-        See `intervis.Settings`.
+    settings : Settings
+        ``metric``, ``chart``, ``cohesion``, ``repulsion`` and ``influence_radius`` are used.
     """
-    weight, used = whitening(points, metric)
+    weight, used = whitening(points, settings.metric)
     y = (points - viewpoint) @ weight
     neighbours = nearest_neighbours(y)
     reached = direct_reach(points, viewpoint, y)
     distance, parent = flow_paths(y, neighbours, reached)
-    force = cohesion_force(y, neighbours, cohesion) + repulsion_force(
-        y, distance, parent, repulsion, influence_radius
+    force = cohesion_force(y, neighbours, settings.cohesion) + repulsion_force(
+        y, distance, parent, settings.repulsion, settings.influence_radius
     )
     moved_m = force @ np.linalg.pinv(weight)
     return Surface(
@@ -93,18 +89,18 @@ def build_surface(
         flow_distance=distance,
         flow_parent=parent,
         displacement=force,
-        chart=chart_coordinates(points, moved_m, viewpoint, chart),
+        chart=chart_coordinates(points, moved_m, viewpoint, settings.chart),
         metric=used,
     )
 
 
 def whitening(points: Float64Array, metric: str) -> tuple[Float64Array, str]:
-    """The matrix W that makes a metric a plain distance, and the metric in force.
+    """The matrix W in which a metric is the Euclidean distance, and the metric in force.
 
-    ``mahalanobis`` (Eq. 4): W W^T is the inverse of the sample covariance; where that is singular
-    or badly conditioned, ``normalized`` (Eq. 5) takes over: each axis divided by its standard
-    deviation (an axis without spread carries no distance). ``euclidean`` is plain metres and
-    ``ground`` plain metres over the ground plane.
+    ``mahalanobis`` (Eq. 4): W W^T is the inverse of the sample covariance. Where that is singular
+    or badly conditioned, ``normalized`` (Eq. 5) replaces it: each axis is divided by its
+    standard deviation, and an axis without variance adds no distance. ``euclidean`` is metres in
+    three dimensions, ``ground`` metres over the ground plane.
 
     Examples
     --------
@@ -122,7 +118,7 @@ def whitening(points: Float64Array, metric: str) -> tuple[Float64Array, str]:
     spread = variance > SINGULAR * variance.max()
     scale = np.diag(np.divide(1.0, np.sqrt(variance), out=np.zeros(3), where=spread))
     if metric == "mahalanobis":
-        # Judged and inverted as correlations: whether it is singular must not hang on the units.
+        # Tested and inverted as correlations, so that the result does not depend on the units.
         value, vector = np.linalg.eigh(scale @ covariance @ scale)
         if value[0] > SINGULAR * value[-1]:
             return scale @ vector @ np.diag(1.0 / np.sqrt(value)) @ vector.T, metric
@@ -130,13 +126,14 @@ def whitening(points: Float64Array, metric: str) -> tuple[Float64Array, str]:
 
 
 def nearest_neighbours(y: Float64Array) -> IntArray:
-    """(V, K) rows of the nearest other points, K = min(8, V - 1); the surroundings of each."""
+    """(V, K) rows of the nearest other points of each point, K = min(8, V - 1)."""
     count = min(NEIGHBOURS, len(y) - 1)
     if count < 1:
         return np.empty((len(y), 0), np.int64)
-    found = cKDTree(y).query(y, k=count + 1, workers=-1 if len(y) > 4096 else 1)[1]
-    # A point is its own nearest neighbour, save among copies of itself, where any may come first.
-    found = found.astype(np.int64)
+    workers = -1 if len(y) > PARALLEL_POINTS else 1
+    found = cKDTree(y).query(y, k=count + 1, workers=workers)[1].astype(np.int64)
+    # A point is its own nearest neighbour, except among copies of its position, where any of them
+    # may come first: there the last of the k + 1 is left out instead.
     own = found == np.arange(len(y))[:, None]
     own[~own.any(axis=1), -1] = True
     others: IntArray = found[~own].reshape(len(y), count)
@@ -144,15 +141,15 @@ def nearest_neighbours(y: Float64Array) -> IntArray:
 
 
 def direct_reach(points: Float64Array, viewpoint: Float64Array, y: Float64Array) -> BoolArray:
-    """(V,) mask of the points P0 reaches directly: the nearest in its sector of azimuth."""
+    """(V,) mask of the points P0 reaches directly: the nearest in each sector of azimuth."""
     reached = np.zeros(len(points), bool)
     if len(points) == 0:
         return reached
     azimuth_rad = np.arctan2(points[:, 1] - viewpoint[1], points[:, 0] - viewpoint[0])
-    # Sectors count from the middle of the view, so that turning the world turns them along.
-    middle = points.mean(axis=0) - viewpoint
-    turned = azimuth_rad - np.arctan2(middle[1], middle[0])
-    sector = np.floor((turned / (2 * np.pi) % 1.0) * SECTORS).astype(np.int64)
+    # Sectors start at the azimuth of the mean point, so that they rotate with the points.
+    mean = points.mean(axis=0) - viewpoint
+    relative = azimuth_rad - np.arctan2(mean[1], mean[0])
+    sector = np.floor((relative / (2 * np.pi) % 1.0) * SECTORS).astype(np.int64)
     order = np.lexsort((np.einsum("ij,ij->i", y, y), sector))
     first = np.unique(sector[order], return_index=True)[1]
     reached[order[first]] = True
@@ -162,21 +159,37 @@ def direct_reach(points: Float64Array, viewpoint: Float64Array, y: Float64Array)
 def flow_paths(
     y: Float64Array, neighbours: IntArray, reached: BoolArray
 ) -> tuple[Float64Array, IntArray]:
-    """Shortest paths D' from P0 (the origin of y) through the points, and the node before each.
+    """Shortest paths from P0 (the origin of y) through the points: D', and the node before each.
 
-    Edge lengths are D. P0 is joined to the points it reaches directly. A group of points that no
-    path leads to is joined to P0 at its nearest point: nothing else stands between.
+    Edges join each point to its neighbours, in both directions; their lengths are D. P0 is joined
+    to the points in `reached`. Of a group of points that no path leads to, P0 is joined to the
+    nearest.
+
+    Parameters
+    ----------
+    y : (V, 3) float64 array
+    neighbours : (V, K) int64 array
+    reached : (V,) bool array
+
+    Returns
+    -------
+    distance : (V,) float64 array
+        D'.
+    parent : (V,) int64 array
+        The node before each node; -1 where P0 is. Of several paths of one length it is the node
+        with the least D', then with the smallest number.
     """
-    distance, parent = _shortest_paths(y, *_both_ways(neighbours), np.flatnonzero(reached))
+    starts, columns = _symmetric(neighbours)
+    distance, parent = _shortest_paths(y, starts, columns, np.flatnonzero(reached))
     return distance, parent
 
 
 def cohesion_force(y: Float64Array, neighbours: IntArray, scale: float) -> Float64Array:
-    """Cohesion (Eq. 3): a pull of size alpha D towards the middle of the surrounding points."""
+    """Cohesion (Eq. 3): a force of size alpha D towards the mean of the neighbours."""
     if neighbours.shape[1] == 0:
         return np.zeros_like(y)
-    pull: Float64Array = scale * (y[neighbours].mean(axis=1) - y)
-    return pull
+    force: Float64Array = scale * (y[neighbours].mean(axis=1) - y)
+    return force
 
 
 def repulsion_force(
@@ -184,12 +197,13 @@ def repulsion_force(
     distance: Float64Array,
     parent: IntArray,
     scale: float,
-    radius: float | None = None,
+    radius: float | None,
 ) -> Float64Array:
     """Repulsion (Eq. 6): beta (1/D' - 1/R) / D'^2 along the gradient of D', zero beyond R.
 
-    beta is given in units of R^4, so that the force scales with the scene. It is lowered where it
-    would push the nearest point past the ones behind it: order along the flow is kept.
+    `scale` is beta in units of R^4, so that the force scales with the scene. It is lowered where
+    it would move the nearest point past the ones behind it, so that the order along the flow is
+    kept. `radius` is R; None is the median D'.
     """
     if len(y) == 0:
         return np.zeros_like(y)
@@ -203,7 +217,7 @@ def repulsion_force(
     if not inside.any():
         return force
     r = rho[inside]
-    # rho + beta (rho^-3 - rho^-2) rises everywhere if it rises at the smallest rho.
+    # rho + beta (rho^-3 - rho^-2) increases everywhere if it increases at the smallest rho.
     steepest = float((3 * r**-4 - 2 * r**-3).max())
     beta = min(scale, 0.5 / steepest)
     size = beta * (1.0 / r - 1.0) / r**2 * radius
@@ -214,17 +228,21 @@ def repulsion_force(
 def chart_coordinates(
     points: Float64Array, moved_m: Float64Array, viewpoint: Float64Array, chart: str
 ) -> Float64Array:
-    """Two coordinates for each displaced point, its direction as seen from P0 kept.
+    """Project the displaced points to two coordinates, keeping their azimuth as seen from P0.
 
     Parameters
     ----------
     points, moved_m : (V, 3) float64 arrays
-        Nodes, and how far the forces move them, metres.
+        Nodes, and their displacement by the forces, metres.
     viewpoint : (3,) float64 array
     chart : {"ground", "angles", "polar"}
         ``ground``: x and y relative to P0, metres. ``angles``: azimuth and elevation seen from
-        P0, radians. ``polar``: azimuth and the logarithm of ground range. The two charts with an
-        azimuth are cut open behind the viewpoint, at azimuth pi.
+        P0, radians (no displacement changes them). ``polar``: azimuth and the logarithm of ground
+        range. The projections with an azimuth are cut behind the viewpoint, at azimuth pi.
+
+    Returns
+    -------
+    (V, 2) float64 array
     """
     offset = points - viewpoint
     ground_range = np.hypot(offset[:, 0], offset[:, 1])
@@ -241,8 +259,8 @@ def chart_coordinates(
     return ground
 
 
-def _both_ways(neighbours: IntArray) -> tuple[IntArray, IntArray]:
-    """The neighbour relation made symmetric, as row starts and columns."""
+def _symmetric(neighbours: IntArray) -> tuple[IntArray, IntArray]:
+    """The neighbour relation in both directions, in CSR form: row offsets and columns."""
     count, width = neighbours.shape
     row = np.repeat(np.arange(count), width)
     column = neighbours.ravel()
@@ -257,7 +275,7 @@ def _both_ways(neighbours: IntArray) -> tuple[IntArray, IntArray]:
 def _shortest_paths(
     y: Float64Array, starts: IntArray, columns: IntArray, reached: IntArray
 ) -> tuple[Float64Array, IntArray]:
-    """Dijkstra's algorithm from the origin, with a binary heap."""
+    """Dijkstra's algorithm from the origin; the heap holds (distance, node)."""
     n = y.shape[0]
     direct = np.empty(n)
     for i in range(n):
@@ -266,24 +284,21 @@ def _shortest_paths(
     distance = np.full(n, np.inf)
     parent = np.full(n, -1, np.int64)
     done = np.zeros(n, np.bool_)
-    heap_key = np.empty(columns.shape[0] + n + 1)
-    heap_node = np.empty(columns.shape[0] + n + 1, np.int64)
-    size = 0
+    heap = [(direct[i], i) for i in reached]
+    heapq.heapify(heap)
     for i in reached:
         distance[i] = direct[i]
-        size = _push(heap_key, heap_node, size, direct[i], i)
     next_direct = 0
     while True:
-        if size == 0:
+        if len(heap) == 0:
             while next_direct < n and done[nearest_first[next_direct]]:
                 next_direct += 1
             if next_direct == n:
                 return distance, parent
             i = nearest_first[next_direct]
             distance[i] = direct[i]
-            size = _push(heap_key, heap_node, size, direct[i], i)
-        i = heap_node[0]
-        size = _pop(heap_key, heap_node, size)
+            heapq.heappush(heap, (direct[i], i))
+        i = heapq.heappop(heap)[1]
         if done[i]:
             continue
         done[i] = True
@@ -297,41 +312,4 @@ def _shortest_paths(
             if distance[i] + length < distance[j]:
                 distance[j] = distance[i] + length
                 parent[j] = i
-                size = _push(heap_key, heap_node, size, distance[j], j)
-
-
-@kernel
-def _push(key: Float64Array, node: IntArray, size: int, new_key: float, new_node: int) -> int:
-    at = size
-    while at > 0:
-        above = (at - 1) // 2
-        if key[above] <= new_key:
-            break
-        key[at] = key[above]
-        node[at] = node[above]
-        at = above
-    key[at] = new_key
-    node[at] = new_node
-    return size + 1
-
-
-@kernel
-def _pop(key: Float64Array, node: IntArray, size: int) -> int:
-    size -= 1
-    last_key = key[size]
-    last_node = node[size]
-    at = 0
-    while True:
-        below = 2 * at + 1
-        if below >= size:
-            break
-        if below + 1 < size and key[below + 1] < key[below]:
-            below += 1
-        if key[below] >= last_key:
-            break
-        key[at] = key[below]
-        node[at] = node[below]
-        at = below
-    key[at] = last_key
-    node[at] = last_node
-    return size
+                heapq.heappush(heap, (distance[j], j))

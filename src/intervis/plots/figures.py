@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array, finite_rows
-from intervis.method.field_of_view import VIEW_ANGLE_DEG, image_from_velo
+from intervis.method.field_of_view import AZIMUTH_FOV_DEG, image_from_velo
 from intervis.method.surface import chart_coordinates
 from intervis.plots.style import (
     FAINT,
@@ -345,7 +345,7 @@ def _view_borders(frame: "Frame", analysis: "Analysis", far_m: float) -> list[Fl
             ray = velo_from_cam[:3, :3] @ (ray_cam / np.linalg.norm(ray_cam))
             sides.append(np.array([centre[:2], centre[:2] + far_m * ray[:2]]))
         return sides
-    half_rad = np.radians(VIEW_ANGLE_DEG.get(view, 360.0)) / 2
+    half_rad = np.radians(AZIMUTH_FOV_DEG.get(view, 360.0)) / 2
     if half_rad >= np.pi:
         return []
     ends = [[np.cos(side), np.sin(side)] for side in (half_rad, -half_rad)]

@@ -12,7 +12,7 @@ from intervis.arrays import Float64Array, checked_point, checked_points
 from intervis.errors import DriveError, IntervisError, OutputError, SettingsError
 from intervis.files import write_text
 from intervis.method.analysis import Analysis, analyze, field_of_view
-from intervis.method.granularity import SteadyTau
+from intervis.method.granularity import TauHysteresis
 from intervis.run.frame_file import FrameRecord, frame_path, load_record, save_frame
 from intervis.run.summary import (
     as_json,
@@ -204,7 +204,7 @@ class _Granularity:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         chooses = settings.tau == "auto" and settings.sampling != "radius"
-        self._steady = SteadyTau(settings) if chooses else None
+        self._steady = TauHysteresis(settings) if chooses else None
 
     def settings_for(self, frame: "Frame") -> Settings:
         """The settings of the next frame."""

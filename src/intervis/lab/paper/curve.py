@@ -11,7 +11,7 @@ import numpy as np
 
 from intervis.lab.paper.experiment import Step, mount, usable
 from intervis.method.analysis import analyze
-from intervis.method.granularity import LADDER
+from intervis.method.granularity import TAU_CANDIDATES
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def tpi_curve(
 ) -> list[CurvePoint]:
     """The granularity curve of frames, from every return to hardly any."""
     settings = Settings() if settings is None else settings
-    taus = [tau for tau in LADDER if tau <= COARSEST]
+    taus = [tau for tau in TAU_CANDIDATES if tau <= COARSEST]
     shape = (len(frames), len(taus))
     tpi, nodes, total_s = np.empty(shape), np.empty(shape), np.empty(shape)
     for row, given in enumerate(frames):

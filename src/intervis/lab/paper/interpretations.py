@@ -18,8 +18,8 @@ from intervis.arrays import BoolArray, Float64Array, IntArray
 from intervis.lab.paper import printed_values
 from intervis.lab.paper.experiment import Step
 from intervis.lab.paper.temporal_consistency import GroundRegion, draw_region, overlap
-from intervis.method.analysis import checked_mount, field_of_view, meta_viewpoint
-from intervis.method.criteria import Verdict, apply_criteria, intervisible_region
+from intervis.method.analysis import checked_extrinsics, field_of_view, meta_viewpoint
+from intervis.method.criteria import CriterionResult, apply_criteria, intervisible_region
 from intervis.method.measures import two_point_intervisibility
 from intervis.method.mesh import Mesh, build_mesh, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
@@ -170,7 +170,7 @@ class _View:
     """A frame's returns in view, and the nodes of each sampling, found once."""
 
     def __init__(self, frame: "Frame") -> None:
-        mount = checked_mount(frame.camera, frame.cam_from_velo)
+        mount = checked_extrinsics(frame.camera, frame.cam_from_velo)
         name = "camera" if frame.camera is not None else "front"
         index = field_of_view(frame.points, frame.camera, mount, name).index
         self.viewpoint = meta_viewpoint(None, frame.camera, mount)
@@ -242,7 +242,7 @@ def _scores(
 
 def _geometry(view: _View, metric: str, chart: str, sampling: str, tau: int) -> _Geometry:
     points = view.returns[view.nodes(sampling, tau)]
-    surface = build_surface(points, view.viewpoint, metric=metric, chart=chart)
+    surface = build_surface(points, view.viewpoint, Settings(metric=metric, chart=chart))
     mesh = build_mesh(surface.chart)
     y = surface.metric_position
     return _Geometry(
@@ -258,7 +258,7 @@ def _geometry(view: _View, metric: str, chart: str, sampling: str, tau: int) -> 
 
 def _verdicts(
     geometry: _Geometry, readings: Sequence[Reading]
-) -> Iterator[tuple[Reading, Verdict]]:
+) -> Iterator[tuple[Reading, CriterionResult]]:
     for reading in readings:
         judged = reading.criterion != "not judged"
         verdict = apply_criteria(
@@ -268,20 +268,22 @@ def _verdicts(
             geometry.length,
             geometry.surface.flow_distance,
             geometry.to_centroid,
-            gate=reading.gate,
-            concave_boundary=reading.concave_boundary,
-            criterion=reading.criterion if judged else "elevation",
+            Settings(
+                gate=reading.gate,
+                concave_boundary=reading.concave_boundary,
+                criterion=reading.criterion if judged else "elevation",
+            ),
             returns=geometry.returns,
         )
         yield reading, verdict if judged else _gate_alone(verdict, geometry.mesh.edges)
 
 
-def _gate_alone(verdict: Verdict, edges: IntArray) -> Verdict:
+def _gate_alone(verdict: CriterionResult, edges: IntArray) -> CriterionResult:
     """What line 1 alone would call intervisible: edges that pass it from both ends."""
     edge: BoolArray = verdict.gate[: len(edges)] & verdict.gate[len(edges) :]
     node = np.zeros(len(verdict.node), bool)
     node[edges[edge].ravel()] = True
-    return Verdict(verdict.gate, verdict.handed_over, verdict.gate, node, edge)
+    return CriterionResult(verdict.gate, verdict.handed_over, verdict.gate, node, edge)
 
 
 def _tpi(geometry: _Geometry, edge: BoolArray) -> float:
