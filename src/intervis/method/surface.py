@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
-from intervis.kernels import kernel
+from intervis.kernels import kernel, thread_count
 
 NEIGHBOURS = 8
 """Surrounding points that pull one point, and that the flow may go on to from it."""
@@ -134,7 +134,8 @@ def nearest_neighbours(y: Float64Array) -> IntArray:
     count = min(NEIGHBOURS, len(y) - 1)
     if count < 1:
         return np.empty((len(y), 0), np.int64)
-    found = cKDTree(y).query(y, k=count + 1, workers=-1 if len(y) > 4096 else 1)[1]
+    workers = thread_count() if len(y) > 4096 else 1
+    found = cKDTree(y).query(y, k=count + 1, workers=workers)[1]
     # A point is its own nearest neighbour, save among copies of itself, where any may come first.
     found = found.astype(np.int64)
     own = found == np.arange(len(y))[:, None]
