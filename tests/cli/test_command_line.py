@@ -94,7 +94,7 @@ def test_many_frames_are_summed_up(tmp_path, capsys):
     drive = scan_folder(tmp_path / "drive", tuple(range(13)))
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 0
     first_words = [line.split()[0] for line in capsys.readouterr().out.splitlines()[3:7]]
-    assert first_words == ["mean", "sample", "least", "greatest"]
+    assert first_words == ["mean", "sample", "minimum", "maximum"]
 
 
 def test_a_second_run_says_so_and_changes_nothing(drive, tmp_path, capsys):
@@ -103,7 +103,7 @@ def test_a_second_run_says_so_and_changes_nothing(drive, tmp_path, capsys):
     before = files_below(tmp_path / "out")
     assert exit_code(command) == 0
     assert files_below(tmp_path / "out") == before
-    assert "3 of 3 frames were there from an earlier run." in capsys.readouterr().out
+    assert "3 of 3 frames were reused from an earlier run." in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_points_that_are_not_finite_are_left_out_and_reported(tmp_path, capsys):
     scan = scan_of(points, tmp_path / "holes.npy")
     assert exit_code(["run", str(scan), "--out", str(tmp_path / "out")]) == 0
     assert (
-        "44 rows that are no return (NaN, infinite, or 0, 0, 0) were left out."
+        "44 rows that are no return (NaN, infinite, or 0, 0, 0) were ignored."
         in capsys.readouterr().out
     )
 
@@ -291,7 +291,7 @@ def test_an_interruption_says_how_to_go_on(drive, tmp_path, capsys, monkeypatch)
 
     monkeypatch.setattr(intervis.run.stream, "analyze", interrupt)
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 130
-    assert "the same command goes on from where it stopped" in capsys.readouterr().err
+    assert "the same command resumes the run" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -307,7 +307,7 @@ def test_a_fault_of_the_program_is_one_sentence_too(
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(intervis.run.stream, "run", fail)
+    monkeypatch.setattr(intervis.run.stream, "run_drive", fail)
     assert exit_code(["run", str(drive / "000000.bin"), "--out", str(tmp_path / "out")]) == code
     err = capsys.readouterr().err
     assert said in err
@@ -318,7 +318,7 @@ def test_verbose_shows_where_a_fault_was(drive, tmp_path):
     program = (
         "import intervis.run.stream as s\n"
         "def odd(*a, **k): raise RuntimeError('odd')\n"
-        "s.run = odd\n"
+        "s.run_drive = odd\n"
         "from intervis.cli import main\n"
         "main()\n"
     )
@@ -371,7 +371,7 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, stop):
         pytest.skip("the run was over before it could be stopped")
     if stop == signal.SIGINT:
         assert process.returncode == 130
-        assert "the same command goes on from where it stopped" in err
+        assert "the same command resumes the run" in err
         assert "Traceback" not in err
         assert not list(out.rglob(".*"))
     assert subprocess.run(command, capture_output=True).returncode == 0

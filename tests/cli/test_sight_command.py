@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from intervis.cli import exit_code
-from intervis.cli.sight import remembered_scene
+from intervis.cli.sight import registered_scene
 from intervis.drives import open_drive
 from small_drive import scan_folder
 
@@ -68,7 +68,7 @@ def test_other_frames_are_laid_over_by_their_poses(tmp_path, capsys):
     )
     drive = open_drive(folder)
     # As seen from frame 2: its x is the world's y, its y the world's -x.
-    poses = remembered_scene(drive, drive[2], [0, 1]).poses
+    poses = registered_scene(drive, drive[2], [0, 1]).poses
     np.testing.assert_allclose(poses[:, :3, 3], [[-3, 4, 0], [-3, 0, 0], [0, 0, 0]], atol=1e-12)
     np.testing.assert_allclose(poses[0, :3, :3], [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
     np.testing.assert_allclose(poses[2], np.eye(4), atol=1e-12)

@@ -1,4 +1,4 @@
-"""The command line: thin, and it imports what a command needs only when the command runs."""
+"""The command line. A command imports what it needs when it runs, so help is fast."""
 
 import io
 import logging
@@ -14,7 +14,7 @@ import intervis
 from intervis.cli.terminal import complain, show
 from intervis.errors import IntervisError
 
-DONE, SOME_FRAMES_FAILED, WRONG_REQUEST, OWN_FAULT, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, SOME_FRAMES_FAILED, WRONG_REQUEST, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit codes."""
 
 COMMANDS = {
@@ -26,15 +26,14 @@ COMMANDS = {
     "simulate": "intervis.lab.cli.world",
     "demo": "intervis.lab.cli.world",
 }
-"""Where each command's function of the same name lives.
+"""Module of each command; the function has the name of the command.
 
-They are named and not imported: a command loads what it needs when it is called, and the library
-does not depend on the laboratory.
+Modules are imported when a command is called, so the library does not depend on the laboratory.
 """
 
 
-class _Imported(Mapping[str, Any]):
-    """Commands by name, each imported when it is asked for."""
+class _LazyCommands(Mapping[str, Any]):
+    """Commands by name; each is imported on access."""
 
     def __iter__(self) -> Iterator[str]:
         return iter(COMMANDS)
@@ -44,29 +43,29 @@ class _Imported(Mapping[str, Any]):
 
     def __getitem__(self, name: str) -> Any:
         function = getattr(import_module(COMMANDS[name]), name)
-        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-        alone.command(name)(function)
-        return typer.main.get_command(alone)
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        single.command(name)(function)
+        return typer.main.get_command(single)
 
 
-class _Commands(TyperGroup):
+class _Group(TyperGroup):
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands = _Imported()  # type: ignore[assignment]
+        self.commands = _LazyCommands()  # type: ignore[assignment]
 
 
 app = typer.Typer(
     name="intervis",
-    cls=_Commands,
-    help="What can see what: intervisibility of LiDAR point clouds from a moving vehicle.",
+    cls=_Group,
+    help="Intervisibility of LiDAR point clouds from a moving vehicle.",
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
 
 
-def _show_version(asked: bool) -> None:
-    if asked:
+def _show_version(requested: bool) -> None:
+    if requested:
         show(f"intervis {intervis.__version__}")
         raise typer.Exit
 
@@ -78,14 +77,14 @@ def _root(
         bool,
         typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
     ] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Say more on stderr.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Log details to stderr.")] = False,
 ) -> None:
     logging.basicConfig(
         level=logging.DEBUG if verbose else logging.WARNING, format="intervis: %(message)s"
     )
-    # Neighbours log whole compilations at this level; only our own words are asked for.
-    for neighbour in ("numba", "matplotlib", "PIL"):
-        logging.getLogger(neighbour).setLevel(logging.WARNING)
+    # At DEBUG these packages log whole compilations; only messages of this package are wanted.
+    for package in ("numba", "matplotlib", "PIL"):
+        logging.getLogger(package).setLevel(logging.WARNING)
     if context.invoked_subcommand is None:
         show(context.get_help())
         raise typer.Exit(WRONG_REQUEST)
@@ -94,19 +93,18 @@ def _root(
 def main() -> None:
     """Entry point of the program ``intervis``."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a name that the terminal cannot show is escaped
+        if isinstance(stream, io.TextIOWrapper):  # escape characters that the terminal lacks
             stream.reconfigure(errors="backslashreplace")
     sys.exit(exit_code(sys.argv[1:]))
 
 
 def exit_code(arguments: Sequence[str]) -> int:
-    """Run one command line; every failure becomes one sentence on stderr.
+    """Run one command line; an error is one line on stderr, without a traceback.
 
     Returns
     -------
     int
-        0 done, 1 some frames failed, 2 the request was wrong, 3 the program is at fault,
-        130 interrupted.
+        0 done, 1 some frames failed, 2 the request was wrong, 3 internal error, 130 interrupted.
     """
     try:
         code = app(args=list(arguments), prog_name="intervis", standalone_mode=False)
@@ -127,14 +125,14 @@ def exit_code(arguments: Sequence[str]) -> int:
     except MemoryError:
         complain("there is not enough memory for this request.")
         return WRONG_REQUEST
-    except OSError as error:  # the system refused something that no part of the program foresaw
+    except OSError as error:  # one that the library has not turned into its own error
         complain(f"cannot use {error.filename or 'a file'}: {error.strerror or error}.")
         return WRONG_REQUEST
     except Exception as error:
         logging.getLogger("intervis").debug("unexpected", exc_info=True)
         complain(
-            f"the program met something that it did not expect ({type(error).__name__}: {error});"
-            " this is its own fault: 'intervis --verbose ...' shows where."
+            f"internal error ({type(error).__name__}: {error}): run 'intervis --verbose ...' and"
+            " report the traceback."
         )
-        return OWN_FAULT
+        return INTERNAL_ERROR
     return code if isinstance(code, int) else DONE

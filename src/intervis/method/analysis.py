@@ -1,5 +1,6 @@
 """The whole method on one screen: from a raw scan to the intervisible region."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -141,6 +142,7 @@ def analyze(
     cam_from_velo: ArrayLike | None = None,
     viewpoint: ArrayLike | None = None,
     settings: Settings | None = None,
+    tau_for: Callable[[int], int] | None = None,
 ) -> Analysis:
     """Intervisibility points, edges and region of one scan (Bai, Li and Cen 2021, Sec. 2).
 
@@ -156,6 +158,8 @@ def analyze(
         Meta-viewpoint P0, sensor frame, metres; None is the camera's centre (without a camera,
         the sensor).
     settings : Settings or None
+    tau_for : callable or None
+        Gives tau for a number of returns in view, and replaces ``settings.tau``.
 
     Raises
     ------
@@ -187,6 +191,8 @@ def analyze(
     origin = meta_viewpoint(viewpoint, camera, cam_from_velo)
     in_view = raw[view.index].astype(np.float64)
     clock.lap("fov")
+    if tau_for is not None:
+        settings = settings.with_changes(tau=tau_for(len(in_view)))
     sampled = _sample(in_view, origin, settings)
     nodes, position = view.index[sampled], in_view[sampled]
     clock.lap("sampling")
