@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from intervis.arrays import Float64Array, checked_point
-from intervis.errors import DriveError, IntervisError, OutputError, SettingsError
+from intervis.errors import (
+    DriveError,
+    IntervisError,
+    MissingExtraError,
+    OutputError,
+    SettingsError,
+)
 from intervis.files import write_text
 from intervis.method.analysis import Analysis, analyze
 from intervis.method.granularity import SteadyTau
@@ -128,6 +134,8 @@ def run_drive(
         No frame lies in the range, or ``viewpoint="start"`` and the drive has no poses.
     SettingsError, PointsError
         A setting, or the viewpoint, is invalid.
+    MissingExtraError
+        Reading the scans needs a package that is not installed.
     """
     out, settings = Path(out), settings or Settings()
     numbers = selected_frames(drive.frame_numbers, frames)
@@ -256,8 +264,8 @@ def _outcomes(
                 _analyze(frame, settings, origin, granularity)
                 compiled = True
             analysis = _analyze(frame, settings, origin, granularity)
-        except SettingsError:
-            raise  # every frame would fail: the request is wrong
+        except (SettingsError, MissingExtraError):
+            raise  # every frame would fail in the same way
         except IntervisError as error:
             yield FrameFailure(number, str(error))
         except Exception as error:
