@@ -294,6 +294,35 @@ def test_an_interruption_says_how_to_go_on(drive, tmp_path, capsys, monkeypatch)
     assert "the same command resumes the run" in capsys.readouterr().err
 
 
+INTERRUPTED_IMPORT = """
+import runpy, sys
+module = sys.argv.pop(1)
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == module:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+runpy.run_module("intervis", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("module", ["typer", "intervis.cli.run", "pydantic", "intervis.run"])
+def test_an_interruption_while_modules_are_imported_is_one_line(module, drive, tmp_path):
+    command = [sys.executable, "-c", INTERRUPTED_IMPORT, module]
+    done = subprocess.run(
+        [*command, "run", str(drive), "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+    )
+    assert done.stderr == "intervis: interrupted.\n"
+    # An interruption inside exec() makes the interpreter end by the signal itself.
+    assert done.returncode in (130, -signal.SIGINT)
+
+
+def test_the_entry_point_imports_little():
+    assert modules_after("import intervis.cli").isdisjoint({"typer", "logging", "numpy"})
+
+
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [

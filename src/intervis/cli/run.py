@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from intervis.cli import options
-from intervis.cli.terminal import complain, progress, show, tell
+from intervis.cli.terminal import InterruptedRunError, complain, progress, show, tell
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
@@ -87,8 +87,9 @@ def run(
                 overwrite=overwrite,
             )
     except KeyboardInterrupt:
-        complain(f"interrupted: the same command resumes the run in {out}.")
-        raise typer.Exit(130) from None
+        raise InterruptedRunError(
+            f"interrupted: the same command resumes the run in {out}."
+        ) from None
     show_run(summary)
     if report and summary.frames:
         show_report(drive, summary, out)

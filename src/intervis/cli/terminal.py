@@ -8,6 +8,10 @@ from collections.abc import Iterator
 from intervis.progress import Progress, silent
 
 
+class InterruptedRunError(Exception):
+    """Ctrl-C in a command whose message says how to resume."""
+
+
 def show(text: str) -> None:
     """Print a result; a closed pipe is no error, as the files are written."""
     try:
