@@ -1,4 +1,4 @@
-"""The page: self-contained, every text escaped, pictures inside."""
+"""The page: self-contained, escaped texts, embedded pictures."""
 
 import base64
 import re
@@ -15,7 +15,7 @@ PNG = base64.b64decode(
 )
 
 
-class Seen(HTMLParser):
+class Parsed(HTMLParser):
     """Tags, their attributes, and all text."""
 
     def __init__(self, text: str) -> None:
@@ -42,21 +42,21 @@ def picture(tmp_path) -> Picture:
 
 def test_every_text_is_escaped(picture):
     page = Page(EVIL, EVIL, [picture, EVIL, Table(EVIL, (EVIL,), ((EVIL,),), (EVIL,))], [EVIL])
-    seen = Seen(page.as_html())
-    assert "script" not in seen.tags
+    parsed = Parsed(page.as_html())
+    assert "script" not in parsed.tags
     # title, heading, lead, strong and caption of the picture, section, table's caption, head,
     # cell and note, small print
-    assert seen.text.count(EVIL) == 11
-    assert ("alt", EVIL) in seen.attributes
+    assert parsed.text.count(EVIL) == 11
+    assert ("alt", EVIL) in parsed.attributes
 
 
-def test_pictures_are_inside_byte_for_byte(picture):
+def test_pictures_are_embedded_byte_for_byte(picture):
     (data,) = re.findall(r"data:image/png;base64,([^']+)'", Page("t", "", [picture]).as_html())
     assert base64.b64decode(data) == PNG
 
 
-def test_nothing_is_fetched(picture):
-    seen = Seen(Page("t", "l", [picture]).as_html())
-    assert not {"script", "link", "iframe"} & set(seen.tags)
-    sources = [value for name, value in seen.attributes if name in ("src", "href")]
+def test_nothing_is_loaded_from_elsewhere(picture):
+    parsed = Parsed(Page("t", "l", [picture]).as_html())
+    assert not {"script", "link", "iframe"} & set(parsed.tags)
+    sources = [value for name, value in parsed.attributes if name in ("src", "href")]
     assert all(value.startswith("data:") for value in sources)

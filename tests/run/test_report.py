@@ -15,7 +15,7 @@ from small_drive import MemoryDrive
 EVIL = "<script>alert('x')</script> & \"more\""
 
 
-class Seen(HTMLParser):
+class Parsed(HTMLParser):
     """Tags, their attributes, and all text."""
 
     def __init__(self, text: str) -> None:
@@ -51,14 +51,14 @@ def test_a_report_of_a_run(tmp_path):
             for n in ("overview", "camera", "scan", "surface", "intervisibility")
         ),
     ]
-    seen = Seen(report.paths[0].read_text())
-    assert "script" not in seen.tags
-    assert f"Intervisibility of {EVIL}" in seen.text
+    parsed = Parsed(report.paths[0].read_text())
+    assert "script" not in parsed.tags
+    assert f"Intervisibility of {EVIL}" in parsed.text
     # Frames 0, 2 and 5 went well: the middle one is 2.
     assert "Made for a test. 3 frames, tau = 5, viewpoint: camera. The pictures show frame 2." in (
-        seen.text
+        parsed.text
     )
-    assert "Frame 1 failed: frame 1 is bad." in seen.text
+    assert "Frame 1 failed: frame 1 is bad." in parsed.text
     assert len(report.paths[2].read_text().splitlines()) == 1 + len(summary.frames)
 
 
@@ -72,14 +72,14 @@ def test_without_a_camera_there_is_no_camera_picture(tmp_path):
     ]
 
 
-def test_sight_lines_are_shown_where_asked_for(tmp_path):
+def test_sight_lines_are_shown_on_request(tmp_path):
     drive, summary, _ = report_of(tmp_path)
     report = report_run(drive, summary, tmp_path, with_sight=True)
     assert report.paths[-1] == tmp_path / "pictures" / "sight.png"
     assert report.paths[-1].read_bytes().startswith(b"\x89PNG")
-    seen = Seen(report.paths[0].read_text())
-    assert "Sight lines" in seen.text
-    assert "Sight lines from a viewpoint ahead" in seen.text
+    parsed = Parsed(report.paths[0].read_text())
+    assert "Sight lines" in parsed.text
+    assert "Sight lines from a viewpoint ahead" in parsed.text
 
 
 @pytest.mark.parametrize(("with_camera", "with_sight"), [(True, True), (False, False)])

@@ -1,4 +1,4 @@
-"""A run: what it writes, that it resumes, survives and refuses, and where it looks from."""
+"""A run: its files, resuming, failing frames and full disks, refused requests, viewpoints."""
 
 import dataclasses
 import errno
@@ -59,7 +59,7 @@ def analyzed(drive: MemoryDrive, number: int, **options):
     )
 
 
-# What it writes
+# Files
 
 
 def test_a_run_writes_one_file_a_frame_by_number_and_its_settings(tmp_path):
@@ -90,7 +90,7 @@ def test_a_file_holds_the_whole_analysis(tmp_path):
     assert loaded.fiedler_cut() == pytest.approx(direct.fiedler_cut())
 
 
-def test_a_file_tells_its_frame_without_the_drive(tmp_path):
+def test_a_file_describes_its_frame_without_the_drive(tmp_path):
     pose = rigid(np.eye(3), [3.0, 2.0, 1.0])
     run_drive(MemoryDrive((7,), poses={7: pose}), tmp_path, settings=SETTINGS)
     arrays = load_frame(frame_path(tmp_path, 7))
@@ -117,7 +117,7 @@ def test_no_file_holds_a_pickle(tmp_path):
                 np.lib.format.read_array(member, allow_pickle=False)
 
 
-def test_the_summary_says_from_what_on_what_and_how_it_went(tmp_path):
+def test_the_summary_holds_input_settings_machine_measures_and_times(tmp_path):
     run_drive(MemoryDrive(), tmp_path, settings=SETTINGS, viewpoint=(0.0, 0.5, 1.0))
     content = summary_of(tmp_path)
     assert content["complete"] is True
@@ -135,7 +135,7 @@ def test_the_summary_says_from_what_on_what_and_how_it_went(tmp_path):
     assert set(content["times_s"]["total"]) == {"p50", "p99", "mean", "sample_std", "min", "max"}
 
 
-def test_summary_statistics_worked_out_by_hand():
+def test_summary_statistics_calculated_by_hand():
     records = [
         FrameRecord(n, {"TPI": float(t)}, {"total": t / 100})
         for n, t in enumerate((1, 2, 3, 4, 10))
@@ -155,7 +155,7 @@ def test_summary_statistics_worked_out_by_hand():
     assert summarize({}, records[:1], [])["measures"]["TPI"]["sample_std"] is None
 
 
-def test_numbers_that_json_cannot_hold_become_null():
+def test_nan_becomes_null():
     content = summarize({}, [FrameRecord(0, {"TPI": float("nan")}, {"total": 1.0})], [])
     assert content["frames"][0]["measures"]["TPI"] is None
     json.dumps(content, allow_nan=False)
@@ -171,7 +171,7 @@ def test_dropped_returns_are_counted(tmp_path):
     assert summary.frames[0].measures["n_raw"] == 438
 
 
-def test_no_time_holds_a_first_call(tmp_path, monkeypatch):
+def test_the_first_frame_is_analysed_once_before_it_is_timed(tmp_path, monkeypatch):
     calls = []
     monkeypatch.setattr(
         intervis.run.stream, "analyze", lambda *a, **k: calls.append(1) or analyze(*a, **k)
@@ -196,7 +196,7 @@ def test_one_frame_is_held_at_a_time(tmp_path):
     assert most <= 2
 
 
-# Going on
+# Resuming
 
 
 def test_a_second_run_touches_nothing(tmp_path, monkeypatch):
@@ -213,7 +213,7 @@ def test_a_second_run_touches_nothing(tmp_path, monkeypatch):
     assert [r.times_s for r in second.frames] == [r.times_s for r in first.frames]
 
 
-def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path):
+def test_an_interrupted_run_resumes(tmp_path):
     done = []
 
     def stop_after_two(note):
@@ -254,7 +254,7 @@ def test_an_interruption_in_the_middle_of_a_file_leaves_no_part(tmp_path, monkey
 
 
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "foreign"])
-def test_a_damaged_frame_is_made_again(tmp_path, damage):
+def test_a_damaged_frame_is_computed_again(tmp_path, damage):
     run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     path = frame_path(tmp_path, 1)
     whole = path.read_bytes()
@@ -274,7 +274,7 @@ def test_a_damaged_frame_is_made_again(tmp_path, damage):
     assert len(load_frame(path)["nodes"]) == summary.frames[1].measures["n"]
 
 
-def test_more_frames_of_the_same_drive_join_those_that_are_there(tmp_path):
+def test_more_frames_of_the_same_drive_are_added(tmp_path):
     run_drive(MemoryDrive(), tmp_path, settings=SETTINGS, frames=(0, 2))
     assert [f["number"] for f in summary_of(tmp_path)["frames"]] == [0, 1]
     assert run_drive(MemoryDrive(), tmp_path, settings=SETTINGS).reused == 2
@@ -296,7 +296,7 @@ class CrowdedDrive(MemoryDrive):
 AUTO = Settings(tau="auto", tpi_tolerance=12.0)
 
 
-def test_tau_auto_holds_still_and_is_told_for_each_frame(tmp_path):
+def test_tau_auto_has_hysteresis_and_is_recorded_per_frame(tmp_path):
     summary = run_drive(CrowdedDrive(n0=2000, n1=1900, n2=6000), tmp_path, settings=AUTO)
     steady = SteadyTau(AUTO)
     taus = [record.tau for record in summary.frames]
@@ -321,14 +321,14 @@ def test_the_field_of_view_of_a_frame_is_computed_once(tmp_path, monkeypatch):
     assert calls == [2040, 2040, 2340, 2640]
 
 
-def test_a_resumed_run_chooses_tau_as_a_whole_one(tmp_path):
+def test_a_resumed_run_chooses_tau_as_an_uninterrupted_one(tmp_path):
     frames = {"n0": 2000, "n1": 2300, "n2": 2600}
     whole = run_drive(CrowdedDrive(**frames), tmp_path / "whole", settings=AUTO)
     run_drive(CrowdedDrive(**frames), tmp_path / "parts", settings=AUTO, frames=(0, 2))
     parts = run_drive(CrowdedDrive(**frames), tmp_path / "parts", settings=AUTO)
     assert parts.reused == 2
     assert [r.tau for r in parts.frames] == [r.tau for r in whole.frames]
-    # The past matters: alone, the last frame would be sampled more coarsely.
+    # Tau depends on the frames before: alone, the last frame is sampled more coarsely.
     alone = run_drive(CrowdedDrive(n2=2600), tmp_path / "alone", settings=AUTO)
     assert alone.frames[0].tau > whole.frames[2].tau
 
@@ -338,10 +338,10 @@ def test_nodes_by_radius_have_no_granularity(tmp_path):
     assert run_drive(MemoryDrive((0,)), tmp_path, settings=settings).frames[0].tau is None
 
 
-# Surviving
+# Failures
 
 
-def test_bad_frames_are_listed_and_the_rest_is_there(tmp_path):
+def test_failed_frames_are_listed_and_the_others_are_written(tmp_path):
     failing = {1: ScanError("frame 1 is truncated."), 2: ZeroDivisionError("by zero")}
     notes = []
     summary = run_drive(
@@ -359,14 +359,14 @@ def test_bad_frames_are_listed_and_the_rest_is_there(tmp_path):
     ]
 
 
-def test_a_frame_that_failed_has_another_chance(tmp_path):
+def test_a_failed_frame_is_tried_again(tmp_path):
     run_drive(MemoryDrive(failing={1: ScanError("gone.")}), tmp_path, settings=SETTINGS)
     summary = run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert (summary.reused, len(summary.frames), summary.failures) == (3, 4, ())
     assert summary_of(tmp_path)["failures"] == []
 
 
-def test_a_failing_first_frame_does_not_spoil_the_times(tmp_path):
+def test_a_failing_first_frame_does_not_stop_the_run(tmp_path):
     summary = run_drive(MemoryDrive(failing={0: ScanError("gone.")}), tmp_path, settings=SETTINGS)
     assert [record.number for record in summary.frames] == [1, 2, 5]
 
@@ -393,7 +393,7 @@ def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path, monkeypatch):
     assert run_drive(MemoryDrive(), tmp_path, settings=SETTINGS).reused == 2
 
 
-def test_a_write_that_the_system_cuts_short_leaves_no_part(tmp_path):
+def test_a_write_that_exceeds_a_size_limit_leaves_no_part(tmp_path):
     # A real limit on the size of files: the kernel refuses in the middle of the first frame.
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     write_text(tmp_path / "small.txt", "x")
@@ -407,7 +407,7 @@ def test_a_write_that_the_system_cuts_short_leaves_no_part(tmp_path):
     assert len(run_drive(MemoryDrive(), tmp_path / "out", settings=Settings(tau=1)).frames) == 4
 
 
-# Refusing
+# Refused requests
 
 
 @pytest.mark.parametrize(
@@ -442,7 +442,7 @@ def test_overwriting_removes_the_run_and_nothing_else(tmp_path):
     assert summary_of(tmp_path)["settings"]["tau"] == 6
 
 
-def test_frames_without_a_summary_are_not_mixed_with(tmp_path):
+def test_frames_without_a_summary_are_refused(tmp_path):
     run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     (tmp_path / "summary.json").unlink()
     with pytest.raises(OutputError, match=r"summary\.json is missing"):
@@ -474,7 +474,7 @@ def test_a_folder_without_permission_is_refused(tmp_path, monkeypatch):
         run_drive(MemoryDrive(), tmp_path / "out", settings=SETTINGS)
 
 
-def test_settings_that_no_frame_can_meet_stop_the_run(tmp_path, monkeypatch):
+def test_invalid_settings_stop_the_run(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise SettingsError("never.")
 
@@ -503,7 +503,7 @@ def test_a_range_without_frames_names_what_there_is():
     assert selected_frames((0, 1, 2, 5), None) == [0, 1, 2, 5]
 
 
-# Where it looks from
+# Viewpoints
 
 QUARTER_TURN_LEFT = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 POSES = {
@@ -533,7 +533,7 @@ def test_without_a_camera_the_default_viewpoint_is_the_sensor(tmp_path):
     np.testing.assert_array_equal(load_frame(frame_path(tmp_path, 0))["viewpoint"], 0.0)
 
 
-def test_the_first_viewpoint_is_carried_along_by_the_poses(tmp_path):
+def test_the_viewpoint_start_is_transformed_by_the_poses(tmp_path):
     drive = MemoryDrive((0, 1, 2), poses=POSES)
     # In the world: the first pose is a shift of 10 m along x.
     np.testing.assert_allclose(start_viewpoint_world(drive), [10.3, 0.06, -0.08])
@@ -548,7 +548,7 @@ def test_the_first_viewpoint_is_carried_along_by_the_poses(tmp_path):
     )
 
 
-def test_the_first_viewpoint_needs_poses(tmp_path):
+def test_the_viewpoint_start_needs_poses(tmp_path):
     with pytest.raises(DriveError, match="needs poses, and this drive has none"):
         run_drive(MemoryDrive(), tmp_path, settings=SETTINGS, viewpoint="start")
     poses = {n: POSES[n] for n in (0, 2)}
@@ -559,10 +559,10 @@ def test_the_first_viewpoint_needs_poses(tmp_path):
     assert "no pose" in summary.failures[0].sentence
 
 
-# Small parts
+# Parts
 
 
-def test_differences_name_every_place():
+def test_differences_name_every_field():
     there = {"intervis": "1", "viewpoint": "camera", "settings": {"tau": 1, "a": 2}, "input": {}}
     here = {"intervis": "2", "viewpoint": "camera", "settings": {"tau": 3}, "input": {}}
     assert differences(there, here) == [
@@ -573,7 +573,7 @@ def test_differences_name_every_place():
     assert differences(there, there) == []
 
 
-def test_summaries_tell_the_same_when_only_the_machine_differs():
+def test_summaries_of_different_machines_have_the_same_results():
     records = [FrameRecord(0, {"TPI": 1.0}, {"total": 1.0})]
     one = summarize({}, records, [])
     assert same_results(one, one | {"machine": "another"})

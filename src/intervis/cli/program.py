@@ -80,8 +80,7 @@ def call(arguments: Sequence[str]) -> int:
         complain(str(error))
         return WRONG_REQUEST
     except typer.TyperException as error:
-        context = getattr(error, "ctx", None)
-        command = context.command_path if context else "intervis"
+        command = " ".join(["intervis", *(word for word in arguments[:1] if word in COMMANDS)])
         sentence = error.format_message().rstrip()
         complain(
             f"{sentence}{'' if sentence.endswith(('.', '?')) else '.'} See '{command} --help'."

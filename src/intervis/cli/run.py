@@ -87,9 +87,8 @@ def run(
                 overwrite=overwrite,
             )
     except KeyboardInterrupt:
-        raise InterruptedRunError(
-            f"interrupted: the same command resumes the run in {out}."
-        ) from None
+        command = "the same command" + (" without --overwrite" if overwrite else "")
+        raise InterruptedRunError(f"interrupted: {command} resumes the run in {out}.") from None
     show_run(summary)
     if report and summary.frames:
         show_report(drive, summary, out)

@@ -348,7 +348,7 @@ def _outline(axes: Any, close_up: Any) -> None:
 
 
 def _view_borders(frame: "Frame", analysis: "Analysis", far_m: float) -> list[Float64Array]:
-    """The two sides of the field of view from above, as (2, 2) lines; none for a full circle."""
+    """Borders of the field of view from above, (2, 2) lines; none for a full circle."""
     view = analysis.settings.view
     if view == "camera" and frame.camera is not None and frame.cam_from_velo is not None:
         camera, velo_from_cam = frame.camera, inverse(frame.cam_from_velo)
