@@ -145,7 +145,7 @@ def test_overwrite_starts_anew(drive, tmp_path, capsys):
     assert exit_code(["run", str(drive), "--out", out, "--tau", "9", "--overwrite"]) == 0
 
 
-# One sentence for every mistake
+# One-line messages
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,6 @@ import intervis.run.stream
 from intervis.drives import open_drive
 from intervis.errors import (
     DriveError,
-    IntervisError,
     OutputError,
     PointsError,
     ScanError,
@@ -596,10 +595,6 @@ def test_a_run_is_reached_from_the_package(tmp_path):
     assert isinstance(summary, intervis.run.RunSummary)
     analysis = intervis.run.load_analysis(frame_path(tmp_path, 0))
     assert analysis.measures.TPI == summary.frames[0].measures["TPI"]
-
-
-def test_every_error_of_a_run_has_one_root():
-    assert issubclass(OutputError, IntervisError)
 
 
 @pytest.mark.realdata
