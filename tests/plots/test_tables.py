@@ -51,6 +51,14 @@ def test_text_is_aligned_left_first_then_right():
     ]
 
 
+def test_notes_are_wrapped_below_the_table():
+    note = "two-point intervisibility of " * 8
+    lines = Table("t", ("a",), (("1",),), (note,)).as_text().splitlines()[4:]
+    assert len(lines) > 1
+    assert all(len(line) <= 96 for line in lines)
+    assert " ".join(lines) == note.strip()
+
+
 def test_html_shows_every_cell_as_it_is_and_runs_none():
     parser = Cells()
     parser.feed(TRICKY.as_html())

@@ -43,6 +43,12 @@ def test_how_they_spread_where_frames_are_many():
     assert len(measures_table([record(n) for n in range(50)], few=None).rows) == 50
 
 
+def test_the_limit_of_rows_is_inclusive():
+    frames = [record(n) for n in range(4)]
+    assert [row[0] for row in measures_table(frames, few=4).rows] == ["0", "1", "2", "3"]
+    assert measures_table(frames, few=3).rows[0][0] == "mean"
+
+
 def test_a_table_explains_its_headings():
     with_tau = measures_table([FrameRecord(3, MEASURES, {"total": 0.0104}, tau=35)])
     notes = " ".join(with_tau.notes)

@@ -154,6 +154,11 @@ def test_summary_statistics_calculated_by_hand():
     assert summarize({}, records[:1], [])["measures"]["TPI"]["sample_std"] is None
 
 
+def test_the_summary_counts_the_cpus_of_the_process(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {3, 5, 6}, raising=False)
+    assert summarize({}, [], [])["machine"]["cpus"] == 3
+
+
 def test_nan_becomes_null():
     content = summarize({}, [FrameRecord(0, {"TPI": float("nan")}, {"total": 1.0})], [])
     assert content["frames"][0]["measures"]["TPI"] is None

@@ -27,7 +27,7 @@ class Table:
             return "  ".join(parts).rstrip()
 
         rule = "  ".join("-" * width for width in widths)
-        notes = [textwrap.fill(note, 96) for note in self.notes]
+        notes = [textwrap.fill(note, 96, break_on_hyphens=False) for note in self.notes]
         return "\n".join([self.title, line(self.headings), rule, *map(line, self.rows), *notes])
 
     def as_markdown(self) -> str:
