@@ -196,11 +196,11 @@ def test_a_wrong_request_is_a_one_line_message(words, said, drive, tmp_path, cap
     places["wrong"].write_text("taw = 3")
     code = exit_code([word.format(**places) for word in words])
     err = capsys.readouterr().err
-    sentence = [line for line in err.splitlines() if not line.startswith("note: ")]
+    lines = [line for line in err.splitlines() if not line.startswith("note: ")]
     assert code == 2, err
-    assert len(sentence) == 1, err
-    assert sentence[0].startswith("intervis: ")
-    assert said.format(**places) in sentence[0]
+    assert len(lines) == 1, err
+    assert lines[0].startswith("intervis: ")
+    assert said.format(**places) in lines[0]
     assert not list((tmp_path / "out").rglob("*")) if (tmp_path / "out").exists() else True
 
 

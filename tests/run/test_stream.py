@@ -560,7 +560,7 @@ def test_the_viewpoint_start_needs_poses(tmp_path):
         MemoryDrive((0, 1, 2), poses=poses), tmp_path, settings=SETTINGS, viewpoint="start"
     )
     assert [failure.number for failure in summary.failures] == [1]
-    assert "no pose" in summary.failures[0].sentence
+    assert "no pose" in summary.failures[0].reason
 
 
 # Parts

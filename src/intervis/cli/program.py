@@ -81,10 +81,9 @@ def call(arguments: Sequence[str]) -> int:
         return WRONG_REQUEST
     except typer.TyperException as error:
         command = " ".join(["intervis", *(word for word in arguments[:1] if word in COMMANDS)])
-        sentence = error.format_message().rstrip()
-        complain(
-            f"{sentence}{'' if sentence.endswith(('.', '?')) else '.'} See '{command} --help'."
-        )
+        message = error.format_message().rstrip()
+        stop = "" if message.endswith((".", "?")) else "."
+        complain(f"{message}{stop} See '{command} --help'.")
         return WRONG_REQUEST
     except InterruptedRunError as error:
         complain(str(error))

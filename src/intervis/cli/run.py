@@ -142,4 +142,4 @@ def show_run(summary: "RunSummary") -> None:
         show(f"{summary.reused} of {len(summary.frames)} frames were reused from an earlier run.")
     show(f"Results: {summary.out}")
     for failure in summary.failures:
-        complain(f"frame {failure.number} failed: {failure.sentence}")
+        complain(f"frame {failure.number} failed: {failure.reason}")

@@ -33,9 +33,9 @@ def tell(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def complain(sentence: str) -> None:
+def complain(message: str) -> None:
     """Print an error message as one line on stderr."""
-    tell(f"intervis: {' '.join(sentence.split())}")
+    tell(f"intervis: {' '.join(message.split())}")
 
 
 @contextlib.contextmanager

@@ -189,6 +189,6 @@ def _page(
             f"Settings: {chosen}.",
             f"Versions: {versions}.",
             f"Machine: {machine['processor']}, {machine['cpus']} cores, {machine['system']}.",
-            *(f"Frame {f.number} failed: {f.sentence}" for f in summary.failures),
+            *(f"Frame {f.number} failed: {f.reason}" for f in summary.failures),
         ],
     )

@@ -44,10 +44,10 @@ FrameRange = tuple[int | None, int | None]
 
 @dataclass(frozen=True)
 class FrameFailure:
-    """A frame without a result, and the reason as one sentence."""
+    """A frame without a result, and the error message as its reason."""
 
     number: int
-    sentence: str
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def run_drive(
         else:
             failures.append(outcome)
         progress(f"frame {outcome.number}")
-    content = summarize(head, records, [(f.number, f.sentence) for f in failures])
+    content = summarize(head, records, [(f.number, f.reason) for f in failures])
     _finish(out, content)
     return RunSummary(out, tuple(records), tuple(failures), content)
 

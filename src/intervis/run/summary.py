@@ -75,8 +75,8 @@ def summarize(
         From `describe`.
     records : sequence of FrameRecord
         The frames with a result.
-    failures : sequence of (number, sentence)
-        The frames without a result, and the reasons.
+    failures : sequence of (number, reason)
+        The frames without a result.
     complete : bool
         False while the run is in progress.
     """

@@ -34,7 +34,7 @@ STAGES: tuple[tuple[str, str], ...] = (
 )
 """Name and heading of each timed stage."""
 
-NOTE_TAU = "tau: granularity, the number of returns that one node stands for."
+NOTE_TAU = "tau: granularity, the number of returns per node."
 NOTE_COUNTS = (
     "n_raw: returns of the scan; n_fov: returns in the field of view; n: nodes after sampling;"
     " N: finite elements (triangles); SP: unique edges, the pairs of nodes that are compared."
