@@ -34,7 +34,13 @@ from intervis.run.frame_file import (
     load_frame,
     load_record,
 )
-from intervis.run.stream import FrameFailure, run_drive, selected_frames, start_viewpoint_world
+from intervis.run.stream import (
+    FrameFailure,
+    RunSummary,
+    run_drive,
+    selected_frames,
+    start_viewpoint_world,
+)
 from intervis.run.summary import differences, same_results, summarize
 from intervis.settings import Settings
 from intervis.transform import rigid
@@ -593,6 +599,20 @@ def test_a_record_and_a_summary_print_on_one_line(tmp_path):
     assert repr(first) == f"<RunSummary: 1 frame, in {tmp_path}>"
     second = run_drive(drive, tmp_path, settings=SETTINGS)
     assert repr(second) == f"<RunSummary: 2 frames, 1 reused, 1 failed, in {tmp_path}>"
+
+
+@pytest.mark.parametrize(
+    "result",
+    [
+        FrameRecord(0, {"TPI": 1.0}, {"total": 1.0}),
+        FrameFailure(0, "broken"),
+        RunSummary(Path("out"), (), (), {}),
+    ],
+)
+def test_results_cannot_be_changed(result):
+    for field in dataclasses.fields(result):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(result, field.name, None)
 
 
 def test_a_run_is_reached_from_the_package(tmp_path):
