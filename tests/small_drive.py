@@ -44,7 +44,7 @@ def cam_from_velo() -> np.ndarray:
 
 
 class MemoryDrive:
-    """As much of a drive as a run needs; `failing` maps numbers to what reading them raises."""
+    """The part of a drive that a run uses; `failing` maps frame numbers to exceptions."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""``python -m intervis`` is the program ``intervis``."""
+"""``python -m intervis`` runs the program ``intervis``."""
 
 from intervis.cli import main
 

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Writing of files that appear whole or not at all."""
 
 import contextlib
 import errno
@@ -10,11 +10,11 @@ from typing import BinaryIO
 from intervis.errors import OutputError
 
 
-def write_whole(path: Path, write: Callable[[BinaryIO], None]) -> None:
-    """Let `write` fill a file that appears under its name only when it is complete.
+def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Call `write` on a file that gets its name only when it is complete.
 
-    The unfinished file lies beside it as ``.NAME.part``; a failure removes it, and the next
-    attempt overwrites what a killed process may have left.
+    Until then it is ``.NAME.part`` in the same folder. A failure removes this file; one that a
+    killed process has left is overwritten by the next attempt.
 
     Raises
     ------
@@ -36,9 +36,9 @@ def write_whole(path: Path, write: Callable[[BinaryIO], None]) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; one that already holds this content is left alone.
+    """Write a file whole or not at all, unless it already has this content.
 
-    Folders on the way are made.
+    Missing parent folders are created.
 
     Raises
     ------
@@ -51,18 +51,14 @@ def write_bytes(path: Path, content: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(_write_failure(path, error)) from None
-    write_whole(path, lambda file: _write(file, content))
+    write_whole(path, lambda file: file.write(content))
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all, as `write_whole`."""
-    # A file name that is no valid text may stand in it: it is shown escaped, not refused.
+    # The text may hold a file name that is not valid UTF-8: its bytes are written escaped.
     content = text.encode("utf-8", errors="backslashreplace")
-    write_whole(path, lambda file: _write(file, content))
-
-
-def _write(file: BinaryIO, content: bytes) -> None:
-    file.write(content)
+    write_whole(path, lambda file: file.write(content))
 
 
 def _write_failure(path: Path, error: OSError) -> str:

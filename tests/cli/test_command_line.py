@@ -1,4 +1,4 @@
-"""The command line: quick to start, one sentence for every mistake, exit codes that mean it."""
+"""The command line: start-up, output, one-line error messages, exit codes, interruption."""
 
 import json
 import os
@@ -24,7 +24,7 @@ def drive(tmp_path) -> Path:
     return scan_folder(tmp_path / "drive")
 
 
-# Quick to start
+# Start-up
 
 
 def modules_after(code: str) -> set[str]:
@@ -71,10 +71,10 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"intervis {intervis.__version__}\n"
 
 
-# What goes well
+# Output
 
 
-def test_a_run_prints_the_measures_in_the_papers_terms(drive, tmp_path, capsys):
+def test_a_run_prints_the_measures_under_the_papers_names(drive, tmp_path, capsys):
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out"), "--tau", "10"]) == 0
     out, err = capsys.readouterr()
     lines = out.splitlines()
@@ -90,11 +90,11 @@ def test_a_run_prints_the_measures_in_the_papers_terms(drive, tmp_path, capsys):
     assert err == "note: this drive has no camera, so the viewpoint is the sensor.\n"
 
 
-def test_many_frames_are_summed_up(tmp_path, capsys):
+def test_many_frames_are_summarized(tmp_path, capsys):
     drive = scan_folder(tmp_path / "drive", tuple(range(13)))
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 0
     first_words = [line.split()[0] for line in capsys.readouterr().out.splitlines()[3:7]]
-    assert first_words == ["mean", "sample", "least", "greatest"]
+    assert first_words == ["mean", "sample", "minimum", "maximum"]
 
 
 def test_a_second_run_says_so_and_changes_nothing(drive, tmp_path, capsys):
@@ -103,7 +103,7 @@ def test_a_second_run_says_so_and_changes_nothing(drive, tmp_path, capsys):
     before = files_below(tmp_path / "out")
     assert exit_code(command) == 0
     assert files_below(tmp_path / "out") == before
-    assert "3 of 3 frames were there from an earlier run." in capsys.readouterr().out
+    assert "3 of 3 frames were reused from an earlier run." in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_overwrite_starts_anew(drive, tmp_path, capsys):
     assert exit_code(["run", str(drive), "--out", out, "--tau", "9", "--overwrite"]) == 0
 
 
-# One sentence for every mistake
+# One-line messages
 
 
 @pytest.mark.parametrize(
@@ -175,16 +175,17 @@ def test_overwrite_starts_anew(drive, tmp_path, capsys):
         (["run", "{drive}", "--out", "{text}/notes.txt"], "is a file: choose a folder"),
         (["run", "{drive}", "--out", "{text}/notes.txt/out"], "cannot"),
         (["run", "{drive}"], "--out"),
+        (["run", "{drive}", "--out"], "See 'intervis run --help'."),
+        (["ran"], "Did you mean 'run'? See 'intervis --help'."),
         (["run", "--out", "{out}"], "source"),
         (["run", "{drive}", "--out", "{out}", "--tua", "3"], "--tau"),
-        (["ran"], "run"),
         (["run", "{drive}", "--out", "{out}", "extra"], "extra"),
         (["demo", "--frames", "0", "--out", "{out}"], "1 or more"),
         (["demo", "--frames", "x"], "--frames"),
         (["simulate"], "--out"),
     ],
 )
-def test_a_wrong_request_gets_one_sentence(words, said, drive, tmp_path, capsys):
+def test_a_wrong_request_is_a_one_line_message(words, said, drive, tmp_path, capsys):
     places = {"drive": drive, "out": tmp_path / "out", "empty": tmp_path / "empty"}
     places |= {"text": tmp_path / "text", "bad": tmp_path / "bad.toml"}
     places["wrong"] = tmp_path / "wrong.toml"
@@ -195,11 +196,11 @@ def test_a_wrong_request_gets_one_sentence(words, said, drive, tmp_path, capsys)
     places["wrong"].write_text("taw = 3")
     code = exit_code([word.format(**places) for word in words])
     err = capsys.readouterr().err
-    sentence = [line for line in err.splitlines() if not line.startswith("note: ")]
+    lines = [line for line in err.splitlines() if not line.startswith("note: ")]
     assert code == 2, err
-    assert len(sentence) == 1, err
-    assert sentence[0].startswith("intervis: ")
-    assert said.format(**places) in sentence[0]
+    assert len(lines) == 1, err
+    assert lines[0].startswith("intervis: ")
+    assert said.format(**places) in lines[0]
     assert not list((tmp_path / "out").rglob("*")) if (tmp_path / "out").exists() else True
 
 
@@ -211,7 +212,7 @@ def test_another_run_in_out_is_refused(drive, tmp_path, capsys):
     assert "tau is 35 there and 9 here" in capsys.readouterr().err
 
 
-def test_tau_may_be_left_to_the_program(drive, tmp_path):
+def test_tau_auto(drive, tmp_path):
     out = tmp_path / "out"
     assert exit_code(["run", str(drive), "--out", str(out), "--tau", "auto"]) == 0
     summary = json.loads((out / "summary.json").read_text())
@@ -234,7 +235,7 @@ def test_a_broken_frame_is_listed_and_the_exit_code_says_so(drive, tmp_path, cap
     assert [failure["number"] for failure in summary["failures"]] == [1]
 
 
-def test_a_drive_of_broken_frames_still_ends_well(drive, tmp_path, capsys):
+def test_a_drive_of_broken_frames_has_a_summary(drive, tmp_path, capsys):
     for path in drive.iterdir():
         path.write_bytes(b"")
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 1
@@ -257,7 +258,7 @@ def scan_of(points: np.ndarray, path: Path) -> Path:
         ("equal", [[5.0, 1, -1]] * 20),
     ],
 )
-def test_scans_of_next_to_nothing_run(name, points, tmp_path):
+def test_tiny_scans_run(name, points, tmp_path):
     scan = scan_of(np.array(points), tmp_path / f"{name}.npy")
     out = tmp_path / "out"
     assert exit_code(["run", str(scan), "--out", str(out), "--tau", "1"]) == 0
@@ -266,13 +267,13 @@ def test_scans_of_next_to_nothing_run(name, points, tmp_path):
     assert frame["measures"]["TPI"] is not None
 
 
-def test_points_that_are_not_finite_are_left_out_and_reported(tmp_path, capsys):
+def test_points_that_are_not_finite_are_ignored_and_reported(tmp_path, capsys):
     points = street(0)
     points[::10] = np.nan
     scan = scan_of(points, tmp_path / "holes.npy")
     assert exit_code(["run", str(scan), "--out", str(tmp_path / "out")]) == 0
     assert (
-        "44 rows that are no return (NaN, infinite, or 0, 0, 0) were left out."
+        "44 rows that are no return (NaN, infinite, or 0, 0, 0) were ignored."
         in capsys.readouterr().out
     )
 
@@ -285,13 +286,42 @@ def test_nothing_in_view_is_a_failed_frame(tmp_path, capsys):
     assert "no return is in view" in capsys.readouterr().err
 
 
-def test_an_interruption_says_how_to_go_on(drive, tmp_path, capsys, monkeypatch):
+def test_an_interruption_says_how_to_resume(drive, tmp_path, capsys, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(intervis.run.stream, "analyze", interrupt)
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 130
-    assert "the same command goes on from where it stopped" in capsys.readouterr().err
+    assert "the same command resumes the run" in capsys.readouterr().err
+
+
+INTERRUPTED_IMPORT = """
+import runpy, sys
+module = sys.argv.pop(1)
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == module:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+runpy.run_module("intervis", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("module", ["typer", "intervis.cli.run", "pydantic", "intervis.run"])
+def test_an_interruption_while_modules_are_imported_is_one_line(module, drive, tmp_path):
+    command = [sys.executable, "-c", INTERRUPTED_IMPORT, module]
+    done = subprocess.run(
+        [*command, "run", str(drive), "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+    )
+    assert done.stderr == "intervis: interrupted.\n"
+    # An interruption inside exec() makes the interpreter end by the signal itself.
+    assert done.returncode in (130, -signal.SIGINT)
+
+
+def test_the_entry_point_imports_little():
+    assert modules_after("import intervis.cli").isdisjoint({"typer", "logging", "numpy"})
 
 
 @pytest.mark.parametrize(
@@ -301,24 +331,24 @@ def test_an_interruption_says_how_to_go_on(drive, tmp_path, capsys, monkeypatch)
         (RuntimeError("odd"), 3, "RuntimeError: odd"),
     ],
 )
-def test_a_fault_of_the_program_is_one_sentence_too(
+def test_an_internal_error_is_a_one_line_message(
     error, code, said, drive, tmp_path, capsys, monkeypatch
 ):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(intervis.run.stream, "run", fail)
+    monkeypatch.setattr(intervis.run.stream, "run_drive", fail)
     assert exit_code(["run", str(drive / "000000.bin"), "--out", str(tmp_path / "out")]) == code
     err = capsys.readouterr().err
     assert said in err
     assert "Traceback" not in err
 
 
-def test_verbose_shows_where_a_fault_was(drive, tmp_path):
+def test_verbose_shows_the_traceback_of_an_internal_error(drive, tmp_path):
     program = (
         "import intervis.run.stream as s\n"
         "def odd(*a, **k): raise RuntimeError('odd')\n"
-        "s.run = odd\n"
+        "s.run_drive = odd\n"
         "from intervis.cli import main\n"
         "main()\n"
     )
@@ -340,7 +370,7 @@ def test_verbose_shows_where_a_fault_was(drive, tmp_path):
     assert "in odd" in done.stderr
 
 
-def test_a_reader_who_leaves_is_no_error(drive, tmp_path):
+def test_a_closed_pipe_is_no_error(drive, tmp_path):
     with subprocess.Popen(
         [*PROGRAM, "run", str(drive), "--out", str(tmp_path / "out")],
         stdout=subprocess.PIPE,
@@ -355,7 +385,7 @@ def test_a_reader_who_leaves_is_no_error(drive, tmp_path):
 
 
 @pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
-def test_a_run_that_was_stopped_goes_on(tmp_path, stop):
+def test_a_stopped_run_resumes(tmp_path, stop):
     drive = scan_folder(tmp_path / "drive", tuple(range(80)))
     out = tmp_path / "out"
     # Whoever runs the tests in the background hands down an ignored SIGINT.
@@ -371,7 +401,7 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, stop):
         pytest.skip("the run was over before it could be stopped")
     if stop == signal.SIGINT:
         assert process.returncode == 130
-        assert "the same command goes on from where it stopped" in err
+        assert "the same command resumes the run" in err
         assert "Traceback" not in err
         assert not list(out.rglob(".*"))
     assert subprocess.run(command, capture_output=True).returncode == 0
@@ -380,7 +410,7 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, stop):
     assert all((out / "frames" / name).stat().st_mtime_ns == when for name, when in there.items())
 
 
-def test_names_that_no_terminal_can_show_are_escaped(tmp_path):
+def test_names_that_the_terminal_cannot_show_are_escaped(tmp_path):
     folder = os.fsencode(scan_folder(tmp_path / "drive")).replace(b"drive", b"dr\xefve")
     os.rename(tmp_path / "drive", folder)
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""`intervis sight`: a wall whose answers are plain, and scans laid over each other."""
+"""`intervis sight`: a wall with known answers, and scans registered by their poses."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from intervis.cli import exit_code
-from intervis.cli.sight import remembered_scene
+from intervis.cli.sight import registered_scene
 from intervis.drives import open_drive
 from small_drive import scan_folder
 
@@ -22,12 +22,12 @@ def wall(tmp_path_factory) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("target", "verdict"), [("9,1,0", "Visible:"), ("30,1,0", "Occluded:"), ("-9,0,0", "Unknown:")]
+    ("target", "state"), [("9,1,0", "Visible:"), ("30,1,0", "Occluded:"), ("-9,0,0", "Unknown:")]
 )
-def test_a_wall(wall, target, verdict, capsys):
+def test_a_wall(wall, target, state, capsys):
     assert exit_code(["sight", str(wall), "--from", "sensor", "--to", target]) == 0
     out, err = capsys.readouterr()
-    assert verdict in out
+    assert state in out
     assert not err
 
 
@@ -52,7 +52,7 @@ def test_the_blocker_is_on_the_wall(wall, capsys):
         (["--from", "0,0,0"], "--to"),
     ],
 )
-def test_a_wrong_request_gets_one_sentence(words, said, tmp_path, capsys):
+def test_a_wrong_request_is_a_one_line_message(words, said, tmp_path, capsys):
     drive = scan_folder(tmp_path / "drive")
     assert exit_code(["sight", str(drive), *words]) == 2
     err = capsys.readouterr().err
@@ -60,7 +60,7 @@ def test_a_wrong_request_gets_one_sentence(words, said, tmp_path, capsys):
     assert len(err.splitlines()) == 1
 
 
-def test_other_frames_are_laid_over_by_their_poses(tmp_path, capsys):
+def test_other_frames_are_registered_by_their_poses(tmp_path, capsys):
     folder = scan_folder(tmp_path / "drive", (0, 1, 2))
     # Frame 0 at the origin; frame 1 at x = 4; frame 2 at (4, 3), turned left by a quarter.
     (folder / "poses.txt").write_text(
@@ -68,7 +68,7 @@ def test_other_frames_are_laid_over_by_their_poses(tmp_path, capsys):
     )
     drive = open_drive(folder)
     # As seen from frame 2: its x is the world's y, its y the world's -x.
-    poses = remembered_scene(drive, drive[2], [0, 1]).poses
+    poses = registered_scene(drive, drive[2], [0, 1]).poses
     np.testing.assert_allclose(poses[:, :3, 3], [[-3, 4, 0], [-3, 0, 0], [0, 0, 0]], atol=1e-12)
     np.testing.assert_allclose(poses[0, :3, :3], [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
     np.testing.assert_allclose(poses[2], np.eye(4), atol=1e-12)
@@ -77,7 +77,7 @@ def test_other_frames_are_laid_over_by_their_poses(tmp_path, capsys):
     assert "frame 2, 3 scans;" in capsys.readouterr().out
 
 
-def test_the_picture_shows_what_is_seen(wall, tmp_path, capsys):
+def test_the_picture_is_written(wall, tmp_path, capsys):
     path = tmp_path / "seen.png"
     command = ["sight", str(wall), "--from", "sensor", "--to", "30,1,0", "--picture", str(path)]
     assert exit_code(command) == 0

@@ -1,4 +1,4 @@
-"""Pictures hold what the analysis says: counted, projected and cut out by hand."""
+"""Pictures show the analysis: counts, projections and borders calculated by hand."""
 
 import subprocess
 import sys
@@ -94,11 +94,11 @@ def test_camera_dots_are_the_returns_in_view_where_they_project(with_camera):
     order = np.lexsort(by_hand.T)
     shown = np.asarray(dots.get_offsets())
     np.testing.assert_allclose(shown[np.lexsort(shown.T)], by_hand[order], atol=1e-3)
-    # Far ones first, so that near ones cover them.
+    # Far returns first, so that near ones are drawn over them.
     assert (np.diff(np.asarray(dots.get_array())) <= 0).all()
 
 
-def test_the_borders_of_the_view_are_the_cameras(with_camera):
+def test_the_borders_of_the_view_are_those_of_the_camera(with_camera):
     frame, analysis = with_camera
     lines = figures.scan_from_above(frame, analysis).axes[0].lines
     # 200 px wide at 100 px focal length: 45 degrees to either side of x, left one first.
@@ -159,7 +159,7 @@ def test_every_chart_and_metric_can_be_drawn(chart, metric):
 
 
 @pytest.mark.parametrize("returns", [1, 2, 3])
-def test_next_to_nothing_can_be_drawn(returns, tmp_path):
+def test_tiny_scans_can_be_drawn(returns, tmp_path):
     points = np.array([[5.0, 1, -1], [6.0, 0, -1], [7.0, 3, 0]], np.float32)[:returns]
     analysis = analyze(points, settings=Settings(tau=1))
     assert len(figures.save_pictures(Frame(number=0, points=points), analysis, tmp_path)) == 4
@@ -185,7 +185,7 @@ def test_without_matplotlib_the_message_names_the_extra(with_camera, tmp_path, m
     assert not (tmp_path / "pictures").exists()
 
 
-def test_drawing_leaves_no_trace_in_global_settings(with_camera):
+def test_drawing_leaves_global_settings_unchanged(with_camera):
     before = dict(matplotlib.rcParams)
     figures.overview(*with_camera)
     assert dict(matplotlib.rcParams) == before

@@ -1,4 +1,4 @@
-"""A run: what it writes, that it resumes, survives and refuses, and where it looks from."""
+"""A run: its files, resuming, failing frames and full disks, refused requests, viewpoints."""
 
 import dataclasses
 import errno
@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import intervis.files
+import intervis.method.analysis
 import intervis.run.stream
 from intervis.drives import open_drive
 from intervis.errors import (
     DriveError,
-    IntervisError,
     OutputError,
     PointsError,
     ScanError,
@@ -34,8 +34,14 @@ from intervis.run.frame_file import (
     load_frame,
     load_record,
 )
-from intervis.run.stream import FrameFailure, run, selected_frames, start_viewpoint_world
-from intervis.run.summary import differences, summarize, tells_the_same
+from intervis.run.stream import (
+    FrameFailure,
+    RunSummary,
+    run_drive,
+    selected_frames,
+    start_viewpoint_world,
+)
+from intervis.run.summary import differences, same_results, summarize
 from intervis.settings import Settings
 from intervis.transform import rigid
 from small_drive import CAMERA_CENTRE_VELO, MemoryDrive, files_below, scan_folder, street
@@ -58,11 +64,11 @@ def analyzed(drive: MemoryDrive, number: int, **options):
     )
 
 
-# What it writes
+# Files
 
 
 def test_a_run_writes_one_file_a_frame_by_number_and_its_settings(tmp_path):
-    summary = run(MemoryDrive(), tmp_path / "out", settings=SETTINGS)
+    summary = run_drive(MemoryDrive(), tmp_path / "out", settings=SETTINGS)
     assert set(files_below(tmp_path / "out")) == {
         "summary.json",
         "settings.toml",
@@ -74,7 +80,7 @@ def test_a_run_writes_one_file_a_frame_by_number_and_its_settings(tmp_path):
 
 def test_a_file_holds_the_whole_analysis(tmp_path):
     drive = MemoryDrive()
-    run(drive, tmp_path, settings=SETTINGS)
+    run_drive(drive, tmp_path, settings=SETTINGS)
     loaded, direct = load_analysis(frame_path(tmp_path, 5)), analyzed(drive, 5)
     for field in dataclasses.fields(direct):
         there, here = getattr(loaded, field.name), getattr(direct, field.name)
@@ -89,9 +95,9 @@ def test_a_file_holds_the_whole_analysis(tmp_path):
     assert loaded.fiedler_cut() == pytest.approx(direct.fiedler_cut())
 
 
-def test_a_file_tells_its_frame_without_the_drive(tmp_path):
+def test_a_file_describes_its_frame_without_the_drive(tmp_path):
     pose = rigid(np.eye(3), [3.0, 2.0, 1.0])
-    run(MemoryDrive((7,), poses={7: pose}), tmp_path, settings=SETTINGS)
+    run_drive(MemoryDrive((7,), poses={7: pose}), tmp_path, settings=SETTINGS)
     arrays = load_frame(frame_path(tmp_path, 7))
     assert int(arrays["number"]) == 7
     assert int(arrays["timestamp_ns"]) == 700_000_000
@@ -100,16 +106,24 @@ def test_a_file_tells_its_frame_without_the_drive(tmp_path):
     assert arrays["projection"].shape == (3, 4)
 
 
+def test_a_file_is_read_once(tmp_path, monkeypatch):
+    run_drive(MemoryDrive((0,)), tmp_path, settings=SETTINGS)
+    read, reads = Path.read_bytes, []
+    monkeypatch.setattr(Path, "read_bytes", lambda path: reads.append(path) or read(path))
+    load_analysis(frame_path(tmp_path, 0))
+    assert reads == [frame_path(tmp_path, 0)]
+
+
 def test_no_file_holds_a_pickle(tmp_path):
-    run(MemoryDrive((0,)), tmp_path, settings=SETTINGS)
+    run_drive(MemoryDrive((0,)), tmp_path, settings=SETTINGS)
     with zipfile.ZipFile(frame_path(tmp_path, 0)) as archive:
         for name in archive.namelist():
             with archive.open(name) as member:
                 np.lib.format.read_array(member, allow_pickle=False)
 
 
-def test_the_summary_says_from_what_on_what_and_how_it_went(tmp_path):
-    run(MemoryDrive(), tmp_path, settings=SETTINGS, viewpoint=(0.0, 0.5, 1.0))
+def test_the_summary_holds_input_settings_machine_measures_and_times(tmp_path):
+    run_drive(MemoryDrive(), tmp_path, settings=SETTINGS, viewpoint=(0.0, 0.5, 1.0))
     content = summary_of(tmp_path)
     assert content["complete"] is True
     assert content["settings"]["tau"] == 5
@@ -126,7 +140,7 @@ def test_the_summary_says_from_what_on_what_and_how_it_went(tmp_path):
     assert set(content["times_s"]["total"]) == {"p50", "p99", "mean", "sample_std", "min", "max"}
 
 
-def test_summary_statistics_worked_out_by_hand():
+def test_summary_statistics_calculated_by_hand():
     records = [
         FrameRecord(n, {"TPI": float(t)}, {"total": t / 100})
         for n, t in enumerate((1, 2, 3, 4, 10))
@@ -146,7 +160,12 @@ def test_summary_statistics_worked_out_by_hand():
     assert summarize({}, records[:1], [])["measures"]["TPI"]["sample_std"] is None
 
 
-def test_numbers_that_json_cannot_hold_become_null():
+def test_the_summary_counts_the_cpus_of_the_process(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {3, 5, 6}, raising=False)
+    assert summarize({}, [], [])["machine"]["cpus"] == 3
+
+
+def test_nan_becomes_null():
     content = summarize({}, [FrameRecord(0, {"TPI": float("nan")}, {"total": 1.0})], [])
     assert content["frames"][0]["measures"]["TPI"] is None
     json.dumps(content, allow_nan=False)
@@ -157,17 +176,17 @@ def test_dropped_returns_are_counted(tmp_path):
     rows = np.fromfile(folder / "000000.bin", "<f4").reshape(-1, 4)
     rows[3, 0], rows[7, 2] = np.nan, np.inf
     rows.tofile(folder / "000000.bin")
-    summary = run(open_drive(folder), tmp_path / "out", settings=SETTINGS)
+    summary = run_drive(open_drive(folder), tmp_path / "out", settings=SETTINGS)
     assert summary.frames[0].measures["n_dropped"] == 2
     assert summary.frames[0].measures["n_raw"] == 438
 
 
-def test_no_time_holds_a_first_call(tmp_path, monkeypatch):
+def test_the_first_frame_is_analysed_once_before_it_is_timed(tmp_path, monkeypatch):
     calls = []
     monkeypatch.setattr(
         intervis.run.stream, "analyze", lambda *a, **k: calls.append(1) or analyze(*a, **k)
     )
-    run(MemoryDrive(), tmp_path, settings=SETTINGS)
+    run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert len(calls) == 4 + 1
 
 
@@ -183,20 +202,20 @@ def test_one_frame_is_held_at_a_time(tmp_path):
             most = max(most, len(alive))
             return frame
 
-    run(Watched(tuple(range(12))), tmp_path, settings=SETTINGS)
+    run_drive(Watched(tuple(range(12))), tmp_path, settings=SETTINGS)
     assert most <= 2
 
 
-# Going on
+# Resuming
 
 
 def test_a_second_run_touches_nothing(tmp_path, monkeypatch):
     drive = MemoryDrive()
-    first = run(drive, tmp_path, settings=SETTINGS)
+    first = run_drive(drive, tmp_path, settings=SETTINGS)
     before = files_below(tmp_path)
     drive.read.clear()
     monkeypatch.setattr(intervis.run.stream, "analyze", None)  # calling it would fail
-    second = run(drive, tmp_path, settings=SETTINGS)
+    second = run_drive(drive, tmp_path, settings=SETTINGS)
     assert files_below(tmp_path) == before
     assert drive.read == []
     assert second.reused == 4
@@ -204,27 +223,27 @@ def test_a_second_run_touches_nothing(tmp_path, monkeypatch):
     assert [r.times_s for r in second.frames] == [r.times_s for r in first.frames]
 
 
-def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path):
+def test_an_interrupted_run_resumes(tmp_path):
     done = []
 
-    def stop_after_two(outcome):
-        done.append(outcome.number)
+    def stop_after_two(note):
+        done.append(note)
         if len(done) == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(MemoryDrive(), tmp_path, settings=SETTINGS, on_frame=stop_after_two)
+        run_drive(MemoryDrive(), tmp_path, settings=SETTINGS, progress=stop_after_two)
     assert summary_of(tmp_path)["complete"] is False
     before = files_below(tmp_path)
     assert {name for name in before if name.endswith("npz")} == {
         "frames/0000000000.npz",
         "frames/0000000001.npz",
     }
-    summary = run(MemoryDrive(), tmp_path, settings=SETTINGS)
+    summary = run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     after = files_below(tmp_path)
     assert all(after[name] == before[name] for name in before if name != "summary.json")
     assert summary.reused == 2
-    whole = run(MemoryDrive(), tmp_path / "whole", settings=SETTINGS)
+    whole = run_drive(MemoryDrive(), tmp_path / "whole", settings=SETTINGS)
     assert [r.measures for r in summary.frames] == [r.measures for r in whole.frames]
     assert summary_of(tmp_path)["complete"] is True
 
@@ -240,13 +259,13 @@ def test_an_interruption_in_the_middle_of_a_file_leaves_no_part(tmp_path, monkey
 
     monkeypatch.setattr(intervis.files.os, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        run(MemoryDrive(), tmp_path, settings=SETTINGS)
+        run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert set(files_below(tmp_path)) == {"settings.toml", "summary.json", "frames/0000000000.npz"}
 
 
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "foreign"])
-def test_a_damaged_frame_is_made_again(tmp_path, damage):
-    run(MemoryDrive(), tmp_path, settings=SETTINGS)
+def test_a_damaged_frame_is_computed_again(tmp_path, damage):
+    run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     path = frame_path(tmp_path, 1)
     whole = path.read_bytes()
     middle = len(whole) // 2
@@ -260,15 +279,15 @@ def test_a_damaged_frame_is_made_again(tmp_path, damage):
     )
     with pytest.raises(OutputError):
         load_record(path)
-    summary = run(MemoryDrive(), tmp_path, settings=SETTINGS)
+    summary = run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert summary.reused == 3
     assert len(load_frame(path)["nodes"]) == summary.frames[1].measures["n"]
 
 
-def test_more_frames_of_the_same_drive_join_those_that_are_there(tmp_path):
-    run(MemoryDrive(), tmp_path, settings=SETTINGS, frames=(0, 2))
+def test_more_frames_of_the_same_drive_are_added(tmp_path):
+    run_drive(MemoryDrive(), tmp_path, settings=SETTINGS, frames=(0, 2))
     assert [f["number"] for f in summary_of(tmp_path)["frames"]] == [0, 1]
-    assert run(MemoryDrive(), tmp_path, settings=SETTINGS).reused == 2
+    assert run_drive(MemoryDrive(), tmp_path, settings=SETTINGS).reused == 2
     assert [f["number"] for f in summary_of(tmp_path)["frames"]] == [0, 1, 2, 5]
 
 
@@ -287,8 +306,8 @@ class CrowdedDrive(MemoryDrive):
 AUTO = Settings(tau="auto", tpi_tolerance=12.0)
 
 
-def test_tau_auto_holds_still_and_is_told_for_each_frame(tmp_path):
-    summary = run(CrowdedDrive(n0=2000, n1=1900, n2=6000), tmp_path, settings=AUTO)
+def test_tau_auto_has_hysteresis_and_is_recorded_per_frame(tmp_path):
+    summary = run_drive(CrowdedDrive(n0=2000, n1=1900, n2=6000), tmp_path, settings=AUTO)
     steady = TauHysteresis(AUTO)
     taus = [record.tau for record in summary.frames]
     assert taus == [steady.choose(n) for n in (2040, 1940, 6040)]
@@ -299,53 +318,66 @@ def test_tau_auto_holds_still_and_is_told_for_each_frame(tmp_path):
         assert load_analysis(frame_path(tmp_path, record.number)).settings.tau == record.tau
 
 
-def test_a_resumed_run_chooses_tau_as_a_whole_one(tmp_path):
+def test_the_field_of_view_of_a_frame_is_computed_once(tmp_path, monkeypatch):
+    calls, original = [], intervis.method.analysis.field_of_view
+
+    def counted(*arguments):
+        calls.append(len(arguments[0]))
+        return original(*arguments)
+
+    monkeypatch.setattr(intervis.method.analysis, "field_of_view", counted)
+    run_drive(CrowdedDrive(n0=2000, n1=2300, n2=2600), tmp_path, settings=AUTO)
+    # The first frame is analysed twice: its first analysis compiles the kernels.
+    assert calls == [2040, 2040, 2340, 2640]
+
+
+def test_a_resumed_run_chooses_tau_as_an_uninterrupted_one(tmp_path):
     frames = {"n0": 2000, "n1": 2300, "n2": 2600}
-    whole = run(CrowdedDrive(**frames), tmp_path / "whole", settings=AUTO)
-    run(CrowdedDrive(**frames), tmp_path / "parts", settings=AUTO, frames=(0, 2))
-    parts = run(CrowdedDrive(**frames), tmp_path / "parts", settings=AUTO)
+    whole = run_drive(CrowdedDrive(**frames), tmp_path / "whole", settings=AUTO)
+    run_drive(CrowdedDrive(**frames), tmp_path / "parts", settings=AUTO, frames=(0, 2))
+    parts = run_drive(CrowdedDrive(**frames), tmp_path / "parts", settings=AUTO)
     assert parts.reused == 2
     assert [r.tau for r in parts.frames] == [r.tau for r in whole.frames]
-    # The past matters: alone, the last frame would be sampled more coarsely.
-    alone = run(CrowdedDrive(n2=2600), tmp_path / "alone", settings=AUTO)
+    # Tau depends on the frames before: alone, the last frame is sampled more coarsely.
+    alone = run_drive(CrowdedDrive(n2=2600), tmp_path / "alone", settings=AUTO)
     assert alone.frames[0].tau > whole.frames[2].tau
 
 
 def test_nodes_by_radius_have_no_granularity(tmp_path):
     settings = Settings(tau="auto", sampling="radius", radius_m=1.0)
-    assert run(MemoryDrive((0,)), tmp_path, settings=settings).frames[0].tau is None
+    assert run_drive(MemoryDrive((0,)), tmp_path, settings=settings).frames[0].tau is None
 
 
-# Surviving
+# Failures
 
 
-def test_bad_frames_are_listed_and_the_rest_is_there(tmp_path):
+def test_failed_frames_are_listed_and_the_others_are_written(tmp_path):
     failing = {1: ScanError("frame 1 is truncated."), 2: ZeroDivisionError("by zero")}
-    outcomes = []
-    summary = run(
-        MemoryDrive(failing=failing), tmp_path, settings=SETTINGS, on_frame=outcomes.append
+    notes = []
+    summary = run_drive(
+        MemoryDrive(failing=failing), tmp_path, settings=SETTINGS, progress=notes.append
     )
     assert [record.number for record in summary.frames] == [0, 5]
     assert summary.failures == (
         FrameFailure(1, "frame 1 is truncated."),
         FrameFailure(2, "unexpected ZeroDivisionError: by zero"),
     )
-    assert [outcome.number for outcome in outcomes] == [0, 1, 2, 5]
+    assert notes == ["frame 0", "frame 1", "frame 2", "frame 5"]
     assert summary_of(tmp_path)["failures"] == [
         {"number": 1, "reason": "frame 1 is truncated."},
         {"number": 2, "reason": "unexpected ZeroDivisionError: by zero"},
     ]
 
 
-def test_a_frame_that_failed_has_another_chance(tmp_path):
-    run(MemoryDrive(failing={1: ScanError("gone.")}), tmp_path, settings=SETTINGS)
-    summary = run(MemoryDrive(), tmp_path, settings=SETTINGS)
+def test_a_failed_frame_is_tried_again(tmp_path):
+    run_drive(MemoryDrive(failing={1: ScanError("gone.")}), tmp_path, settings=SETTINGS)
+    summary = run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert (summary.reused, len(summary.frames), summary.failures) == (3, 4, ())
     assert summary_of(tmp_path)["failures"] == []
 
 
-def test_a_failing_first_frame_does_not_spoil_the_times(tmp_path):
-    summary = run(MemoryDrive(failing={0: ScanError("gone.")}), tmp_path, settings=SETTINGS)
+def test_a_failing_first_frame_does_not_stop_the_run(tmp_path):
+    summary = run_drive(MemoryDrive(failing={0: ScanError("gone.")}), tmp_path, settings=SETTINGS)
     assert [record.number for record in summary.frames] == [1, 2, 5]
 
 
@@ -361,31 +393,31 @@ def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(zipfile.ZipFile, "open", full_in_the_third_frame)
         with pytest.raises(OutputError, match=r"0000000002\.npz: the disk is full; free some"):
-            run(MemoryDrive(), tmp_path, settings=SETTINGS)
+            run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert set(files_below(tmp_path)) == {
         "settings.toml",
         "summary.json",
         "frames/0000000000.npz",
         "frames/0000000001.npz",
     }
-    assert run(MemoryDrive(), tmp_path, settings=SETTINGS).reused == 2
+    assert run_drive(MemoryDrive(), tmp_path, settings=SETTINGS).reused == 2
 
 
-def test_a_write_that_the_system_cuts_short_leaves_no_part(tmp_path):
+def test_a_write_that_exceeds_a_size_limit_leaves_no_part(tmp_path):
     # A real limit on the size of files: the kernel refuses in the middle of the first frame.
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     write_text(tmp_path / "small.txt", "x")
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (4000, hard))
         with pytest.raises(OutputError, match="file too large"):
-            run(MemoryDrive(), tmp_path / "out", settings=Settings(tau=1))
+            run_drive(MemoryDrive(), tmp_path / "out", settings=Settings(tau=1))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert not [name for name in files_below(tmp_path) if "part" in name or "npz" in name]
-    assert len(run(MemoryDrive(), tmp_path / "out", settings=Settings(tau=1)).frames) == 4
+    assert len(run_drive(MemoryDrive(), tmp_path / "out", settings=Settings(tau=1)).frames) == 4
 
 
-# Refusing
+# Refused requests
 
 
 @pytest.mark.parametrize(
@@ -398,18 +430,18 @@ def test_a_write_that_the_system_cuts_short_leaves_no_part(tmp_path):
     ],
 )
 def test_another_run_in_the_same_folder_is_refused_by_what_differs(tmp_path, change, said):
-    run(MemoryDrive(), tmp_path, settings=SETTINGS)
+    run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     before = files_below(tmp_path)
     request = {"drive": MemoryDrive(), "settings": SETTINGS, "viewpoint": "camera"} | change
     with pytest.raises(OutputError, match=said):
-        run(request.pop("drive"), tmp_path, **request)
+        run_drive(request.pop("drive"), tmp_path, **request)
     assert files_below(tmp_path) == before
 
 
 def test_overwriting_removes_the_run_and_nothing_else(tmp_path):
-    run(MemoryDrive(), tmp_path, settings=SETTINGS)
+    run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     (tmp_path / "notes.txt").write_text("mine")
-    run(MemoryDrive((0, 1)), tmp_path, settings=Settings(tau=6), overwrite=True)
+    run_drive(MemoryDrive((0, 1)), tmp_path, settings=Settings(tau=6), overwrite=True)
     assert set(files_below(tmp_path)) == {
         "notes.txt",
         "settings.toml",
@@ -420,26 +452,26 @@ def test_overwriting_removes_the_run_and_nothing_else(tmp_path):
     assert summary_of(tmp_path)["settings"]["tau"] == 6
 
 
-def test_frames_without_a_summary_are_not_mixed_with(tmp_path):
-    run(MemoryDrive(), tmp_path, settings=SETTINGS)
+def test_frames_without_a_summary_are_refused(tmp_path):
+    run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     (tmp_path / "summary.json").unlink()
     with pytest.raises(OutputError, match=r"summary\.json is missing"):
-        run(MemoryDrive(), tmp_path, settings=SETTINGS)
+        run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
 
 
 @pytest.mark.parametrize("content", ["{", "[1]", '{"tool": 1}', "\udcff"])
 def test_a_foreign_summary_is_refused(tmp_path, content):
     (tmp_path / "summary.json").write_bytes(content.encode(errors="surrogateescape"))
-    with pytest.raises(OutputError, match="is no summary of a run"):
-        run(MemoryDrive(), tmp_path, settings=SETTINGS)
+    with pytest.raises(OutputError, match="is not the summary of a run"):
+        run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
 
 
 def test_an_output_that_is_a_file_or_below_one_is_refused(tmp_path):
     (tmp_path / "taken").write_text("mine")
     with pytest.raises(OutputError, match="is a file: choose a folder"):
-        run(MemoryDrive(), tmp_path / "taken", settings=SETTINGS)
+        run_drive(MemoryDrive(), tmp_path / "taken", settings=SETTINGS)
     with pytest.raises(OutputError, match="cannot"):
-        run(MemoryDrive(), tmp_path / "taken" / "below", settings=SETTINGS)
+        run_drive(MemoryDrive(), tmp_path / "taken" / "below", settings=SETTINGS)
     assert (tmp_path / "taken").read_text() == "mine"
 
 
@@ -449,16 +481,16 @@ def test_a_folder_without_permission_is_refused(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "mkdir", refuse)  # a chmod would not stop root
     with pytest.raises(OutputError, match=r"cannot write in .*out: permission denied\."):
-        run(MemoryDrive(), tmp_path / "out", settings=SETTINGS)
+        run_drive(MemoryDrive(), tmp_path / "out", settings=SETTINGS)
 
 
-def test_settings_that_no_frame_can_meet_stop_the_run(tmp_path, monkeypatch):
+def test_invalid_settings_stop_the_run(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise SettingsError("never.")
 
     monkeypatch.setattr(intervis.run.stream, "analyze", refuse)
     with pytest.raises(SettingsError, match="never"):
-        run(MemoryDrive(), tmp_path, settings=SETTINGS)
+        run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
 
 
 def test_impossible_requests_are_refused_before_anything_is_written(tmp_path):
@@ -469,7 +501,7 @@ def test_impossible_requests_are_refused_before_anything_is_written(tmp_path):
         ({"frames": (90, 99)}, DriveError),
     ):
         with pytest.raises(error):
-            run(MemoryDrive(), out, settings=SETTINGS, **request)
+            run_drive(MemoryDrive(), out, settings=SETTINGS, **request)
     assert not out.exists()
 
 
@@ -481,7 +513,7 @@ def test_a_range_without_frames_names_what_there_is():
     assert selected_frames((0, 1, 2, 5), None) == [0, 1, 2, 5]
 
 
-# Where it looks from
+# Viewpoints
 
 QUARTER_TURN_LEFT = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 POSES = {
@@ -500,22 +532,22 @@ POSES = {
     ],
 )
 def test_viewpoints_in_the_sensor_frame(tmp_path, viewpoint, expected):
-    run(MemoryDrive((0,)), tmp_path, settings=SETTINGS, viewpoint=viewpoint)
+    run_drive(MemoryDrive((0,)), tmp_path, settings=SETTINGS, viewpoint=viewpoint)
     np.testing.assert_allclose(
         load_frame(frame_path(tmp_path, 0))["viewpoint"], expected, atol=1e-12
     )
 
 
 def test_without_a_camera_the_default_viewpoint_is_the_sensor(tmp_path):
-    run(MemoryDrive((0,), with_camera=False), tmp_path, settings=SETTINGS)
+    run_drive(MemoryDrive((0,), with_camera=False), tmp_path, settings=SETTINGS)
     np.testing.assert_array_equal(load_frame(frame_path(tmp_path, 0))["viewpoint"], 0.0)
 
 
-def test_the_first_viewpoint_is_carried_along_by_the_poses(tmp_path):
+def test_the_viewpoint_start_is_transformed_by_the_poses(tmp_path):
     drive = MemoryDrive((0, 1, 2), poses=POSES)
     # In the world: the first pose is a shift of 10 m along x.
     np.testing.assert_allclose(start_viewpoint_world(drive), [10.3, 0.06, -0.08])
-    run(drive, tmp_path, settings=SETTINGS, viewpoint="start", frames=(1, 3))
+    run_drive(drive, tmp_path, settings=SETTINGS, viewpoint="start", frames=(1, 3))
     # From frame 1 at (12, 1, 0): offset (-1.7, -0.94, -0.08); forward is world y, left is -x.
     np.testing.assert_allclose(
         load_frame(frame_path(tmp_path, 1))["viewpoint"], [-0.94, 1.7, -0.08], atol=1e-12
@@ -526,21 +558,21 @@ def test_the_first_viewpoint_is_carried_along_by_the_poses(tmp_path):
     )
 
 
-def test_the_first_viewpoint_needs_poses(tmp_path):
-    with pytest.raises(DriveError, match="carried along by the poses, and this drive has none"):
-        run(MemoryDrive(), tmp_path, settings=SETTINGS, viewpoint="start")
+def test_the_viewpoint_start_needs_poses(tmp_path):
+    with pytest.raises(DriveError, match="needs poses, and this drive has none"):
+        run_drive(MemoryDrive(), tmp_path, settings=SETTINGS, viewpoint="start")
     poses = {n: POSES[n] for n in (0, 2)}
-    summary = run(
+    summary = run_drive(
         MemoryDrive((0, 1, 2), poses=poses), tmp_path, settings=SETTINGS, viewpoint="start"
     )
     assert [failure.number for failure in summary.failures] == [1]
-    assert "no pose" in summary.failures[0].sentence
+    assert "no pose" in summary.failures[0].reason
 
 
-# Small parts
+# Parts
 
 
-def test_differences_name_every_place():
+def test_differences_name_every_field():
     there = {"intervis": "1", "viewpoint": "camera", "settings": {"tau": 1, "a": 2}, "input": {}}
     here = {"intervis": "2", "viewpoint": "camera", "settings": {"tau": 3}, "input": {}}
     assert differences(there, here) == [
@@ -551,22 +583,49 @@ def test_differences_name_every_place():
     assert differences(there, there) == []
 
 
-def test_summaries_tell_the_same_when_only_the_machine_differs():
+def test_summaries_of_different_machines_have_the_same_results():
     records = [FrameRecord(0, {"TPI": 1.0}, {"total": 1.0})]
     one = summarize({}, records, [])
-    assert tells_the_same(one, one | {"machine": "another"})
-    assert not tells_the_same(one, summarize({}, records, [(1, "broken")]))
-    assert not tells_the_same(one, summarize({}, records, [], complete=False))
+    assert same_results(one, one | {"machine": "another"})
+    assert not same_results(one, summarize({}, records, [(1, "broken")]))
+    assert not same_results(one, summarize({}, records, [], complete=False))
 
 
-def test_every_error_of_a_run_has_one_root():
-    assert issubclass(OutputError, IntervisError)
+def test_a_record_and_a_summary_print_on_one_line(tmp_path):
+    record = FrameRecord(17, {"n": 467.0, "TPI": 34.612}, {"total": 0.00721}, reused=True)
+    assert repr(record) == "<FrameRecord 17: n 467, TPI 34.61 %, total 7.2 ms, reused>"
+    drive = MemoryDrive((0, 1, 2), failing={2: ScanError("frame 2 is truncated.")})
+    first = run_drive(drive, tmp_path, settings=SETTINGS, frames=(0, 1))
+    assert repr(first) == f"<RunSummary: 1 frame, in {tmp_path}>"
+    second = run_drive(drive, tmp_path, settings=SETTINGS)
+    assert repr(second) == f"<RunSummary: 2 frames, 1 reused, 1 failed, in {tmp_path}>"
+
+
+@pytest.mark.parametrize(
+    "result",
+    [
+        FrameRecord(0, {"TPI": 1.0}, {"total": 1.0}),
+        FrameFailure(0, "broken"),
+        RunSummary(Path("out"), (), (), {}),
+    ],
+)
+def test_results_cannot_be_changed(result):
+    for field in dataclasses.fields(result):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(result, field.name, None)
+
+
+def test_a_run_is_reached_from_the_package(tmp_path):
+    summary = intervis.run.run_drive(MemoryDrive((0,)), tmp_path, settings=SETTINGS)
+    assert isinstance(summary, intervis.run.RunSummary)
+    analysis = intervis.run.load_analysis(frame_path(tmp_path, 0))
+    assert analysis.measures.TPI == summary.frames[0].measures["TPI"]
 
 
 @pytest.mark.realdata
 def test_real_drives_run(tmp_path, shared_data):
     for name, frames in (("kitti_raw", (0, 2)), ("pcd_drive", (3, 4)), ("kitti_object", None)):
-        summary = run(open_drive(shared_data / name), tmp_path / name, frames=frames)
+        summary = run_drive(open_drive(shared_data / name), tmp_path / name, frames=frames)
         assert not summary.failures, name
         for record in summary.frames:
             m = record.measures

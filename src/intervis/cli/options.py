@@ -1,4 +1,4 @@
-"""What options say, into values or a complaint: viewpoints, frame ranges, settings, files."""
+"""Values of options: viewpoints, frame ranges, settings, output files."""
 
 import math
 from pathlib import Path
@@ -18,7 +18,7 @@ def coordinates(text: str, option: str) -> tuple[float, float, float]:
     Raises
     ------
     PointsError
-        It is anything else.
+        The text is not three finite numbers.
 
     Examples
     --------
@@ -35,12 +35,12 @@ def coordinates(text: str, option: str) -> tuple[float, float, float]:
 
 
 def viewpoint(text: str) -> Any:
-    """A named viewpoint as it is, or coordinates.
+    """A named viewpoint, unchanged, or coordinates.
 
     Raises
     ------
     PointsError
-        It is neither.
+        The text is neither.
     """
     if text in NAMED_VIEWPOINTS:
         return text
@@ -56,7 +56,7 @@ def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
     Raises
     ------
     SettingsError
-        It is anything else, or an empty range.
+        The text is not a frame range, or the range is empty.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def settings(file: Path | None, tau: str | None, changes: list[str]) -> "Setting
     Raises
     ------
     SettingsError
-        A name is unknown or a value impossible.
+        A name is unknown or a value is invalid.
     """
     from intervis.settings import Settings
 
@@ -126,10 +126,16 @@ def _value(text: str) -> Any:
 
 
 def check_output_file(path: Path | None) -> None:
-    """Complain about a file that cannot be written before the work, not after it."""
+    """Check before the work that an output file can be written.
+
+    Raises
+    ------
+    OutputError
+        The path is a folder, or its folder does not exist.
+    """
     if path is None:
         return
     if path.is_dir():
-        raise OutputError(f"{path} is a folder: name a file.")
+        raise OutputError(f"{path} is a folder: give the path of a file.")
     if not path.parent.is_dir():
         raise OutputError(f"cannot write {path}: there is no folder {path.parent}.")

@@ -6,13 +6,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from intervis.cli import options
-from intervis.cli.terminal import complain, progress, show, tell
+from intervis.cli.terminal import InterruptedRunError, complain, progress, show, tell
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
     from intervis.run.stream import RunSummary, Viewpoint
 
-Source = Annotated[Path, typer.Argument(help="A drive (KITTI raw, odometry, object, PCD) or scan.")]
+Source = Annotated[
+    Path,
+    typer.Argument(
+        help="A drive (KITTI raw, odometry, object; a folder of scans) or one scan file."
+    ),
+]
 CameraName = Annotated[
     str | None, typer.Option("--camera", help="Camera of the drive, for example image_02.")
 ]
@@ -22,7 +27,7 @@ def run(
     source: Source,
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")],
     tau: Annotated[
-        str | None, typer.Option(metavar="K|auto", help="Returns that one node stands for.")
+        str | None, typer.Option(metavar="K|auto", help="Granularity: number of returns per node.")
     ] = None,
     frames: Annotated[
         str | None,
@@ -32,8 +37,9 @@ def run(
         str,
         typer.Option(
             metavar="X,Y,Z|camera|sensor|start",
-            help="Where one looks from: metres in the sensor's frame; the camera; the sensor; or"
-            " the camera's place in the first frame, carried along by the poses.",
+            help="Viewpoint P0: coordinates in the sensor frame, metres; camera: the camera centre;"
+            " sensor: the sensor; start: the camera centre of the first frame, transformed by the"
+            " poses.",
         ),
     ] = "camera",
     settings: Annotated[
@@ -46,50 +52,51 @@ def run(
     ] = None,
     report: Annotated[
         bool,
-        typer.Option("--report", help="Draw the middle frame, and write tables and a page."),
+        typer.Option(
+            "--report", help="Also write tables, pictures of the middle frame, and an HTML page."
+        ),
     ] = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Remove an earlier run from --out first.")
+        bool, typer.Option("--overwrite", help="Remove an earlier run in --out first.")
     ] = False,
 ) -> int:
     """Run the method over a drive or one scan.
 
-    Writes a file for each frame and a summary, and prints a table in the paper's terms. A run
-    that was stopped goes on where it stopped when the same command is given again.
+    Writes one file per frame and a summary, and prints a table of the paper's measures. The same
+    command resumes an interrupted run.
     """
-    place = options.viewpoint(viewpoint)
-    asked_frames = options.frame_range(frames)
+    origin = options.viewpoint(viewpoint)
+    frame_range = options.frame_range(frames)
     chosen = options.settings(settings, tau, changes or [])
 
     from intervis.drives import open_drive
-    from intervis.run.stream import run as run_drive
-    from intervis.run.stream import selected_frames
+    from intervis.run.stream import run_drive, selected_frames
 
     drive = open_drive(source, camera=camera)
-    _mention_missing_camera(drive, place)
-    total = len(selected_frames(drive.frame_numbers, asked_frames))
+    _note_missing_camera(drive, origin)
+    total = len(selected_frames(drive.frame_numbers, frame_range))
     try:
         with progress("frames", total) as advance:
             summary = run_drive(
                 drive,
                 out,
                 settings=chosen,
-                viewpoint=place,
-                frames=asked_frames,
-                on_frame=lambda outcome: advance(f"frame {outcome.number}"),
+                viewpoint=origin,
+                frames=frame_range,
+                progress=advance,
                 overwrite=overwrite,
             )
     except KeyboardInterrupt:
-        complain(f"interrupted; the same command goes on from where it stopped in {out}.")
-        raise typer.Exit(130) from None
+        command = "the same command" + (" without --overwrite" if overwrite else "")
+        raise InterruptedRunError(f"interrupted: {command} resumes the run in {out}.") from None
     show_run(summary)
     if report and summary.frames:
         show_report(drive, summary, out)
     return 1 if summary.failures else 0
 
 
-def _mention_missing_camera(drive: "Drive", place: "Viewpoint") -> None:
-    if drive.camera is None and place in ("camera", "start"):
+def _note_missing_camera(drive: "Drive", viewpoint: "Viewpoint") -> None:
+    if drive.camera is None and viewpoint in ("camera", "start"):
         tell("note: this drive has no camera, so the viewpoint is the sensor.")
 
 
@@ -101,12 +108,18 @@ def show_report(
     source_note: str = "",
     with_sight: bool = False,
 ) -> None:
-    """Draw pictures, write tables and a page, and print where they are."""
-    from intervis.run.report import report_run
+    """Write pictures, tables and a page, and print their paths."""
+    from intervis.run.report import report_run, report_steps
 
-    with progress("report", 1) as advance:
-        report = report_run(drive, summary, out, source_note=source_note, with_sight=with_sight)
-        advance("done")
+    with progress("report", report_steps(drive, with_sight=with_sight)) as advance:
+        report = report_run(
+            drive,
+            summary,
+            out,
+            source_note=source_note,
+            with_sight=with_sight,
+            progress=advance,
+        )
     for path in report.paths[1:]:
         show(f"Report: {path}")
     show(f"Page: {report.paths[0]}")
@@ -115,8 +128,8 @@ def show_report(
 
 
 def show_run(summary: "RunSummary") -> None:
-    """Print what a run measured, how long it took, and what failed."""
-    from intervis.plots.tables import measures_table, times_table
+    """Print the measures and stage times of a run, and its failed frames."""
+    from intervis.run.tables import measures_table, times_table
 
     if summary.frames:
         show(measures_table(summary.frames).as_text())
@@ -124,9 +137,9 @@ def show_run(summary: "RunSummary") -> None:
         show(times_table(summary.content["times_s"], len(summary.frames)).as_text())
     dropped = sum(int(record.measures["n_dropped"]) for record in summary.frames)
     if dropped:
-        show(f"{dropped} rows that are no return (NaN, infinite, or 0, 0, 0) were left out.")
+        show(f"{dropped} rows that are no return (NaN, infinite, or 0, 0, 0) were ignored.")
     if summary.reused:
-        show(f"{summary.reused} of {len(summary.frames)} frames were there from an earlier run.")
+        show(f"{summary.reused} of {len(summary.frames)} frames were reused from an earlier run.")
     show(f"Results: {summary.out}")
     for failure in summary.failures:
-        complain(f"frame {failure.number} failed: {failure.sentence}")
+        complain(f"frame {failure.number} failed: {failure.reason}")

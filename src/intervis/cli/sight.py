@@ -1,4 +1,4 @@
-"""``intervis sight``: one sight line, explained in words."""
+"""``intervis sight``: one sight line, with an explanation."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,15 +7,16 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
-from intervis.cli.terminal import Advance, progress, show
+from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from intervis.drives import Drive, Frame
+    from intervis.progress import Progress
     from intervis.sight import Explanation, Scene
 
-Place = tuple[float, float, float]
+Point = tuple[float, float, float]
 
 
 def sight(
@@ -23,31 +24,38 @@ def sight(
     start: Annotated[
         str,
         typer.Option(
-            "--from", metavar="X,Y,Z|camera|sensor", help="Metres in the sensor's frame, or a name."
+            "--from",
+            metavar="X,Y,Z|camera|sensor",
+            help="Start: coordinates in the sensor frame, metres, or a name.",
         ),
     ],
-    end: Annotated[str, typer.Option("--to", metavar="X,Y,Z", help="Metres, the same frame.")],
+    end: Annotated[
+        str, typer.Option("--to", metavar="X,Y,Z", help="End, in the same frame, metres.")
+    ],
     frame: Annotated[
         int | None,
-        typer.Option("--frame", metavar="N", help="Frame number; the first without it."),
+        typer.Option("--frame", metavar="N", help="Frame number; default: the first."),
     ] = None,
     frames: Annotated[
         str | None,
         typer.Option(
-            metavar="A:B", help="Remember these frames as well, laid over frame N by the poses."
+            metavar="A:B", help="Add the scans of these frames, registered to frame N by the poses."
         ),
     ] = None,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="Draw the line, and what is seen from its start."),
+        typer.Option(
+            metavar="FILE.png",
+            help="Draw the sight line, and the returns that are visible from its start.",
+        ),
     ] = None,
     camera: CameraName = None,
 ) -> None:
     """Explain one sight line.
 
-    Says whether it is open, how sure that is, what blocks it where, and by how much.
+    Prints its state, the probability that it is open, the blocker, and the clearance.
     """
-    asked_frames = options.frame_range(frames)
+    frame_range = options.frame_range(frames)
     to_point = options.coordinates(end, "--to")
     named = start if start in ("camera", "sensor") else None
     from_point = None if named else options.coordinates(start, "--from")
@@ -60,23 +68,23 @@ def sight(
 
     drive = open_drive(source, camera=camera)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
-    from_point = from_point or _named_place(now, named)
-    numbers = _other_frames(drive, now, asked_frames)
+    from_point = from_point or _named_point(now, named)
+    numbers = _other_frames(drive, now, frame_range)
     with progress("scans", len(numbers) + 2) as advance:
-        scene = remembered_scene(drive, now, numbers, advance)
-        # at the time of frame N; over several frames, where their stamps tell it
+        scene = registered_scene(drive, now, numbers, advance)
+        # at the time of frame N, if every scan has a timestamp
         moment_s = None if np.isnan(scene.timestamps_s).any() else 0.0
         explained = explain(scene, from_point, to_point, moment_s=moment_s)
-        advance("the line")
-    remembered = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
-    show(f"{drive.name}, frame {now.number}, {remembered}; coordinates in its sensor's frame.")
+        advance("sight line")
+    scans = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
+    show(f"{drive.name}, frame {now.number}, {scans}; coordinates in its sensor frame.")
     show(str(explained))
     if picture is not None:
         _draw(picture, now, scene, from_point, to_point, moment_s, explained)
         show(f"Picture: {picture}")
 
 
-def _named_place(frame: "Frame", name: str | None) -> Place:
+def _named_point(frame: "Frame", name: str | None) -> Point:
     from intervis.errors import DriveError
 
     if name == "sensor":
@@ -90,7 +98,7 @@ def _named_place(frame: "Frame", name: str | None) -> Place:
 def _other_frames(
     drive: "Drive", now: "Frame", frames: tuple[int | None, int | None] | None
 ) -> list[int]:
-    """Numbers of the frames to remember beside frame `now`."""
+    """Numbers of the frames to add besides frame `now`."""
     from intervis.run.stream import selected_frames
 
     if frames is None:
@@ -98,34 +106,36 @@ def _other_frames(
     return [n for n in selected_frames(drive.frame_numbers, frames) if n != now.number]
 
 
-def remembered_scene(
-    drive: "Drive", now: "Frame", numbers: "Sequence[int]", advance: Advance = lambda note: None
+def registered_scene(
+    drive: "Drive", now: "Frame", numbers: "Sequence[int]", progress: "Progress | None" = None
 ) -> "Scene":
-    """What frame `now` saw, and the other frames asked for, all in its sensor's frame.
+    """A scene of frame `now` and other frames, in the sensor frame of `now`.
 
-    Stamps are seconds after frame `now`, where the drive tells.
+    Timestamps are seconds after frame `now`, if the drive has timestamps.
     """
     from intervis.errors import DriveError
+    from intervis.progress import silent
     from intervis.sight import Scene
     from intervis.transform import inverse
 
+    report = progress or silent
     scene = Scene(max_scans=max(64, len(numbers) + 1))
     for number in numbers:
         other = drive[number]
         if now.pose is None or other.pose is None:
             raise DriveError(
-                f"--frames lays scans over each other by their poses, and frame"
+                f"--frames registers scans by their poses, and frame"
                 f" {number if now.pose is not None else now.number} has none."
             )
         scene.add(other.points, inverse(now.pose) @ other.pose, _seconds_between(now, other))
-        advance(f"frame {number}")
+        report(f"frame {number}")
     scene.add(now.points, None, 0.0)
-    advance(f"frame {now.number}")
+    report(f"frame {now.number}")
     return scene
 
 
 def _seconds_between(now: "Frame", other: "Frame") -> float | None:
-    """When a frame was taken, seconds after frame `now`; None where the drive does not say."""
+    """Time of a frame in seconds after frame `now`; None without timestamps."""
     if now.timestamp_ns is None or other.timestamp_ns is None:
         return None
     return 1e-9 * (other.timestamp_ns - now.timestamp_ns)
@@ -135,8 +145,8 @@ def _draw(
     path: Path,
     now: "Frame",
     scene: "Scene",
-    start: Place,
-    end: Place,
+    start: Point,
+    end: Point,
     moment_s: float | None,
     explained: "Explanation",
 ) -> None:

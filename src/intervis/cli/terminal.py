@@ -1,16 +1,19 @@
-"""What the command line says and where: results to stdout, everything else to stderr."""
+"""Output of the command line: results to stdout, everything else to stderr."""
 
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
-Advance = Callable[[str], None]
-"""Counts one item as done and shows a note beside the bar."""
+from intervis.progress import Progress, silent
+
+
+class InterruptedRunError(Exception):
+    """Ctrl-C in a command whose message says how to resume."""
 
 
 def show(text: str) -> None:
-    """Print a result. A reader who has gone (a closed pipe) is no error: the files are written."""
+    """Print a result; a closed pipe is no error, as the files are written."""
     try:
         print(text)
         sys.stdout.flush()
@@ -19,52 +22,47 @@ def show(text: str) -> None:
 
 
 def _silence_stdout() -> None:
-    # What is left in the buffer would complain once more when the interpreter closes it.
+    # Without this the interpreter flushes the buffer at exit and fails again.
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def tell(text: str) -> None:
-    """Say something beside the result, on stderr."""
+    """Print a note on stderr."""
     with contextlib.suppress(BrokenPipeError):
         print(text, file=sys.stderr, flush=True)
 
 
-def complain(sentence: str) -> None:
-    """Say what went wrong, in one sentence on stderr."""
-    tell(f"intervis: {' '.join(sentence.split())}")
+def complain(message: str) -> None:
+    """Print an error message as one line on stderr."""
+    tell(f"intervis: {' '.join(message.split())}")
 
 
 @contextlib.contextmanager
-def progress(work: str, total: int) -> Iterator[Advance]:
-    """A bar with rate and time left on stderr, where stderr is a terminal; nothing elsewhere."""
+def progress(work: str, total: int) -> Iterator[Progress]:
+    """A progress bar on stderr with rate and remaining time; nothing unless it is a terminal.
+
+    Yields the callback that counts one step as done and shows its note beside the bar.
+    """
     if not sys.stderr.isatty():
-        yield lambda note: None
+        yield silent
         return
+    from rich import progress as rich_progress
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TextColumn,
-        TimeRemainingColumn,
-    )
     from rich.text import Text
 
-    class RateColumn(ProgressColumn):
-        def render(self, task: Task) -> Text:
+    class RateColumn(rich_progress.ProgressColumn):
+        def render(self, task: rich_progress.Task) -> Text:
             return Text(f"{task.speed:.1f}/s" if task.speed else "")
 
     columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
+        rich_progress.TextColumn("{task.description}"),
+        rich_progress.BarColumn(),
+        rich_progress.MofNCompleteColumn(),
         RateColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}", style="dim", markup=False),
+        rich_progress.TimeRemainingColumn(),
+        rich_progress.TextColumn("{task.fields[note]}", style="dim", markup=False),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(work, total=total, note="kernels compile on the first run")
+    with rich_progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(work, total=total, note="the first run compiles kernels")
         yield lambda note: bar.update(task, advance=1, note=note)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -150,6 +151,7 @@ def analyze(
     cam_from_velo: ArrayLike | None = None,
     viewpoint: ArrayLike | None = None,
     settings: Settings | None = None,
+    tau_for: Callable[[int], int] | None = None,
 ) -> Analysis:
     """Intervisibility points, edges and region of one scan (Bai, Li and Cen 2021, Sec. 2).
 
@@ -167,6 +169,8 @@ def analyze(
         the sensor.
     settings : Settings or None
         None is ``Settings()``.
+    tau_for : callable or None
+        Gives tau for a number of returns in view, and replaces ``settings.tau``.
 
     Raises
     ------
@@ -198,6 +202,8 @@ def analyze(
     origin = meta_viewpoint(viewpoint, camera, extrinsics)
     in_view = raw[view.index].astype(np.float64)
     clock.lap("fov")
+    if tau_for is not None:
+        settings = settings.with_changes(tau=tau_for(len(in_view)))
     sampled = _sample(in_view, origin, settings)
     nodes, position = view.index[sampled], in_view[sampled]
     clock.lap("sampling")

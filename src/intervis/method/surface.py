@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
-from intervis.kernels import kernel
+from intervis.kernels import kernel, thread_count
 from intervis.settings import Settings
 
 NEIGHBOURS = 8
@@ -130,7 +130,7 @@ def nearest_neighbours(y: Float64Array) -> IntArray:
     count = min(NEIGHBOURS, len(y) - 1)
     if count < 1:
         return np.empty((len(y), 0), np.int64)
-    workers = -1 if len(y) > PARALLEL_POINTS else 1
+    workers = thread_count() if len(y) > PARALLEL_POINTS else 1
     found = cKDTree(y).query(y, k=count + 1, workers=workers)[1].astype(np.int64)
     # A point is its own nearest neighbour, except among copies of its position, where any of them
     # may come first: there the last of the k + 1 is left out instead.

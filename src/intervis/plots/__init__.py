@@ -1,1 +1,1 @@
-"""Figures, tables and HTML pages that show results."""
+"""Figures, tables and HTML pages of results."""

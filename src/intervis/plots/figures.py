@@ -1,5 +1,6 @@
 """Pictures of one frame: camera view, scan from above, surface, intervisibility."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ from intervis.plots.style import (
     page_figure,
     save_figure,
 )
+from intervis.progress import Progress, silent
 from intervis.transform import inverse
 
 if TYPE_CHECKING:
@@ -36,14 +38,14 @@ CHART_AXES = {
     "polar": ("azimuth, rad", "log of ground range in m"),
 }
 SHOWN_PERCENT = 98.0
-"""A view from above reaches as far as this share of what it shows; a few stray ones lie beyond."""
+"""Percentage of the returns that a view from above shows; outliers lie outside."""
 
 LEAST_ASPECT = 0.9
-"""The short side of a mesh's view over its long one: side by side, panels look alike."""
+"""Smallest ratio of the short side of a mesh view to its long side, for panels of equal size."""
 
 MIDDLE_PERCENT = 90.0
 NEAR_PERCENT = 70.0
-"""A mesh in the overview, and its close-up, reach as far as these shares of the nodes."""
+"""Percentages of the nodes that the mesh in the overview, and the close-up, show."""
 
 
 def overview(frame: "Frame", analysis: "Analysis") -> "Figure":
@@ -70,7 +72,7 @@ def overview(frame: "Frame", analysis: "Analysis") -> "Figure":
 
 
 def camera_view(frame: "Frame", analysis: "Analysis") -> "Figure":
-    """The in-view returns over the camera's image; the frame must have a camera."""
+    """The returns in view over the camera image; the frame must have a camera."""
     with page_figure(2.5) as (figure, axes):
         draw_camera_view(axes, frame, analysis)
         return figure
@@ -105,7 +107,7 @@ def intervisibility(analysis: "Analysis") -> "Figure":
 
 
 def draw_camera_view(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
-    """In-view returns over the image, coloured by their range from the viewpoint."""
+    """Returns in view over the image, coloured by range from the viewpoint."""
     from matplotlib.colors import LogNorm
 
     camera = frame.camera
@@ -120,7 +122,7 @@ def draw_camera_view(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
         axes.set_facecolor("#eceef1")
     else:
         axes.imshow(image, extent=(0, camera.width_px, camera.height_px, 0))
-    order = np.argsort(-range_m)  # the nearest is drawn last, over what lies behind it
+    order = np.argsort(-range_m)  # the nearest is drawn last, over the farther ones
     shown = dots(
         axes,
         pixel[order],
@@ -145,7 +147,7 @@ def draw_camera_view(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
 
 
 def draw_scan(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
-    """The whole scan from above: what is in view coloured by elevation, the rest grey."""
+    """The whole scan from above: returns in view coloured by elevation, the others grey."""
     outside = finite_rows(frame.points)
     count = int(outside.sum())
     reach_m = np.percentile(np.abs(frame.points[outside, :2]).max(axis=1), SHOWN_PERCENT)
@@ -174,7 +176,7 @@ def draw_scan(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
 
 
 def draw_surface(axes: Any, analysis: "Analysis") -> None:
-    """Nodes in the chart where the forces put them, and where they came from."""
+    """Nodes in the chart before and after the displacement by the forces."""
     from matplotlib.collections import LineCollection
 
     before = _undisplaced_chart(analysis)
@@ -199,7 +201,7 @@ def draw_surface(axes: Any, analysis: "Analysis") -> None:
 
 
 def draw_displacement(axes: Any, analysis: "Analysis") -> None:
-    """How far the forces move each node in the chart, against its ground range."""
+    """Displacement of each node in the chart, over its ground range."""
     before = _undisplaced_chart(analysis)
     offset = analysis.node_points[:, :2] - analysis.viewpoint[:2]
     range_m = np.linalg.norm(offset, axis=1)
@@ -211,24 +213,24 @@ def draw_displacement(axes: Any, analysis: "Analysis") -> None:
     dots(axes, np.column_stack([range_m, moved]), c=analysis.flow_distance, cmap=SEQUENTIAL, s=5)
     axes.set(
         xlabel="ground range from the viewpoint, m",
-        ylabel="moved outward, m"
+        ylabel="outward displacement, m"
         if analysis.settings.chart == "ground"
-        else "moved along the second chart axis",
-        title="What the forces do",
+        else "displacement along the second chart axis",
+        title="Displacement by the forces",
     )
 
 
 def draw_intervisibility(
     axes: Any, analysis: "Analysis", percent: float = 100.0, scale: float = 1.0
 ) -> None:
-    """The mesh from above, with what Algorithm 1 calls intervisible.
+    """The mesh from above, with the intervisible nodes and edges of Algorithm 1.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
     analysis : Analysis
     percent : float
-        The view reaches as far as this share of the nodes.
+        Percentage of the nodes, nearest first, that the view shows.
     scale : float
         Size of dots and lines.
     """
@@ -256,13 +258,25 @@ def draw_intervisibility(
     axes.set_title(f"Intervisibility: {len(ground):,} nodes")
 
 
-def save_pictures(frame: "Frame", analysis: "Analysis", folder: Path) -> list[Path]:
+def save_pictures(
+    frame: "Frame", analysis: "Analysis", folder: Path, *, progress: Progress | None = None
+) -> list[Path]:
     """Draw all pictures of a frame as PNG files.
+
+    Parameters
+    ----------
+    frame : Frame
+    analysis : Analysis
+        Of this frame.
+    folder : Path
+        Created if it does not exist.
+    progress : callable, optional
+        Called after each picture with its name.
 
     Returns
     -------
     list of Path
-        What was written; without ``camera.png`` where the frame has no camera.
+        The files written; without ``camera.png`` if the frame has no camera.
 
     Raises
     ------
@@ -271,25 +285,25 @@ def save_pictures(frame: "Frame", analysis: "Analysis", folder: Path) -> list[Pa
     OutputError
         A file cannot be written.
     """
-    figures = {
-        "overview": overview(frame, analysis),
-        "camera": camera_view(frame, analysis) if frame.camera is not None else None,
-        "scan": scan_from_above(frame, analysis),
-        "surface": surface(analysis),
-        "intervisibility": intervisibility(analysis),
-    }
-    folder.mkdir(parents=True, exist_ok=True)
+    progress = progress or silent
+    pictures: dict[str, Callable[[], Figure]] = {"overview": lambda: overview(frame, analysis)}
+    if frame.camera is not None:
+        pictures["camera"] = lambda: camera_view(frame, analysis)
+    pictures["scan"] = lambda: scan_from_above(frame, analysis)
+    pictures["surface"] = lambda: surface(analysis)
+    pictures["intervisibility"] = lambda: intervisibility(analysis)
     written = []
-    for name, figure in figures.items():
-        if figure is not None:
-            path = folder / f"{name}.png"
-            save_figure(figure, path)
-            written.append(path)
+    for name, draw in pictures.items():
+        figure, path = draw(), folder / f"{name}.png"
+        folder.mkdir(parents=True, exist_ok=True)
+        save_figure(figure, path)
+        written.append(path)
+        progress(name)
     return written
 
 
 def _pixels(frame: "Frame", points: Float64Array) -> tuple[Float64Array, BoolArray]:
-    """(K, 2) pixels of the points before the camera, and the (N,) mask of these points."""
+    """(K, 2) pixels of the points in front of the camera, and the (N,) mask of these points."""
     assert frame.camera is not None
     assert frame.cam_from_velo is not None
     matrix = image_from_velo(frame.camera, frame.cam_from_velo)
@@ -299,7 +313,7 @@ def _pixels(frame: "Frame", points: Float64Array) -> tuple[Float64Array, BoolArr
 
 
 def _undisplaced_chart(analysis: "Analysis") -> Float64Array:
-    """(V, 2) where the nodes would lie in the chart without any force."""
+    """(V, 2) chart coordinates of the nodes without forces."""
     still = np.zeros_like(analysis.node_points)
     return chart_coordinates(
         analysis.node_points, still, analysis.viewpoint, analysis.settings.chart
@@ -313,7 +327,7 @@ def _unit(analysis: "Analysis") -> str:
 def _extent(
     ground: Float64Array, viewpoint: Float64Array, percent: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Limits in x and y that hold the viewpoint and this share of the nodes, nearest first."""
+    """Limits in x and y: the viewpoint and this percentage of the nodes, nearest first."""
     range_m = np.linalg.norm(ground - viewpoint[:2], axis=1)
     kept = np.vstack([ground[range_m <= np.percentile(range_m, percent)], viewpoint[:2]])
     low, high = kept.min(axis=0), kept.max(axis=0)
@@ -324,7 +338,7 @@ def _extent(
 
 
 def _outline(axes: Any, close_up: Any) -> None:
-    """Mark on one view from above what another one shows."""
+    """Draw the limits of a close-up as a rectangle on another view from above."""
     from matplotlib.patches import Rectangle
 
     (x0, x1), (y0, y1) = close_up.get_xlim(), close_up.get_ylim()
@@ -334,7 +348,7 @@ def _outline(axes: Any, close_up: Any) -> None:
 
 
 def _view_borders(frame: "Frame", analysis: "Analysis", far_m: float) -> list[Float64Array]:
-    """The two sides of the field of view from above, as (2, 2) lines; none for a full circle."""
+    """Borders of the field of view from above, (2, 2) lines; none for a full circle."""
     view = analysis.settings.view
     if view == "camera" and frame.camera is not None and frame.cam_from_velo is not None:
         camera, velo_from_cam = frame.camera, inverse(frame.cam_from_velo)

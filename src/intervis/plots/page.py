@@ -1,4 +1,4 @@
-"""One self-contained page of HTML: pictures inside, every text escaped, nothing fetched."""
+"""A self-contained HTML page: embedded pictures, escaped texts, no external resources."""
 
 import base64
 import html
@@ -32,7 +32,7 @@ footer { margin-top: 3rem; font-size: .82rem; color: #555c66; overflow-wrap: any
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG file and what it shows."""
+    """A PNG file with heading and caption."""
 
     path: Path
     heading: str
@@ -41,7 +41,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Remark:
-    """A paragraph that opens with a few words in bold."""
+    """A paragraph that starts with words in bold."""
 
     opening: str
     text: str
@@ -49,7 +49,7 @@ class Remark:
 
 @dataclass(frozen=True)
 class Page:
-    """What a page says, in order: title, lead, pictures and tables, small print."""
+    """Content of a page in order: title, lead, parts (a str is a heading), small print."""
 
     title: str
     lead: str
@@ -57,7 +57,7 @@ class Page:
     small_print: Sequence[str] = ()
 
     def as_html(self) -> str:
-        """The whole page; pictures are read now.
+        """The page as text; reads the picture files.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""How pictures look: one sequential colour map, one colour for each thing, one size of text."""
+"""Style of the pictures: colours, text sizes, page figures, legends and colour bars."""
 
 import contextlib
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ FAINT = "#c6cad1"
 INK = "#22262b"
 WIDTH_IN = 7.0
 DPI = 200
-"""Seven inches at 200 dots: 1400 pixels, text still readable at half of that."""
+"""Page width and resolution: 1400 pixels; text stays readable at half of that."""
 
 _TEXT: Any = {
     "font.size": 8.0,
@@ -43,7 +43,7 @@ _TEXT: Any = {
 
 @contextlib.contextmanager
 def page_figure(height_in: float, **subplots: Any) -> Iterator[tuple["Figure", Any]]:
-    """A figure of page width and its axes, drawn without a screen; styled while it is open.
+    """A figure of page width and its axes, without a display; the style holds in the context.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def page_figure(height_in: float, **subplots: Any) -> Iterator[tuple["Figure", A
 
 
 def colour_bar(axes: Any, mapped: Any, label: str) -> Any:
-    """A thin colour bar exactly as high as the axes that it stands beside."""
+    """A thin colour bar to the right of the axes, of the same height."""
     bar = axes.figure.colorbar(mapped, cax=axes.inset_axes((1.015, 0.0, 0.018, 1.0)))
     bar.set_label(label, fontsize=7.0)
     bar.ax.tick_params(labelsize=7.0)
@@ -81,15 +81,15 @@ def colour_bar(axes: Any, mapped: Any, label: str) -> Any:
     return bar
 
 
-def legend_below(figure: "Figure", axes: Any) -> None:
-    """The legend of some axes in one row below everything, where it covers nothing."""
+def legend_below(figure: "Figure", axes: Any, columns: int | None = None) -> None:
+    """The legend of some axes below the figure, in one row or in a number of columns."""
     handles, labels = axes.get_legend_handles_labels()
     legend = figure.legend(
-        handles, labels, loc="outside lower center", ncols=len(labels), frameon=False
+        handles, labels, loc="outside lower center", ncols=columns or len(labels), frameon=False
     )
     handle: Any
     for handle in legend.legend_handles:
-        if hasattr(handle, "set_sizes"):  # dots of a dense scan are too small to be seen alone
+        if hasattr(handle, "set_sizes"):  # single dots of a dense scan are too small to be seen
             handle.set_sizes([max(14.0, float(handle.get_sizes()[0]))])
 
 
@@ -99,7 +99,7 @@ def dots(axes: Any, positions: Any, **look: Any) -> Any:
 
 
 def mark_viewpoint(axes: Any, viewpoint: Any) -> None:
-    """A star where one looks from, on a view from above."""
+    """A star at the viewpoint, on a view from above."""
     look = {"color": INK, "edgecolor": "white", "linewidths": 0.4, "zorder": 6}
     dots(axes, viewpoint[None, :2], marker="*", s=40, label="viewpoint", **look)
 

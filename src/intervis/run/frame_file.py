@@ -1,4 +1,4 @@
-"""One frame's result as a file: plain arrays, written whole or not at all, no pickle."""
+"""The result of one frame as a file: plain arrays, no pickle, written atomically."""
 
 import dataclasses
 import io
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from intervis.method.analysis import Analysis
 
 FORMAT = 2
-"""Version of the layout of a frame's file; a file of another version is not read."""
+"""Version of the layout of a frame file; files of other versions are refused."""
 
 Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """What a run remembers of one frame that went well.
+    """Measures and stage times of one frame.
 
     Attributes
     ----------
@@ -39,9 +39,14 @@ class FrameRecord:
     times_s : mapping of str to float
         Seconds by stage.
     tau : int or None
-        The granularity in force; None where nodes were sampled by a radius.
+        The granularity used; None where nodes were sampled by a radius.
     reused : bool
         True where an earlier run had already written the frame.
+
+    Examples
+    --------
+    >>> FrameRecord(17, {"n": 467.0, "TPI": 34.612}, {"total": 0.0072}, tau=35)
+    <FrameRecord 17: tau 35, n 467, TPI 34.61 %, total 7.2 ms>
     """
 
     number: int
@@ -50,9 +55,20 @@ class FrameRecord:
     tau: int | None = None
     reused: bool = False
 
+    def __repr__(self) -> str:
+        parts = [] if self.tau is None else [f"tau {self.tau}"]
+        for name, form, unit in (("n", ".0f", ""), ("TPI", ".2f", " %")):
+            if name in self.measures:
+                parts.append(f"{name} {self.measures[name]:{form}}{unit}")
+        if "total" in self.times_s:
+            parts.append(f"total {1e3 * self.times_s['total']:.1f} ms")
+        if self.reused:
+            parts.append("reused")
+        return f"<FrameRecord {self.number}: {', '.join(parts)}>"
+
 
 def frame_path(out: Path, number: int) -> Path:
-    """Where a run keeps the result of one frame: ten digits, as KITTI names its frames.
+    """File of one frame in the output folder of a run: ten digits, as in KITTI.
 
     Examples
     --------
@@ -63,12 +79,12 @@ def frame_path(out: Path, number: int) -> Path:
 
 
 def save_frame(path: Path, frame: "Frame", analysis: "Analysis") -> FrameRecord:
-    """Write everything of an analysis that it takes to redraw it without the scan.
+    """Write an analysis, and what is known of its frame except points and image.
 
-    Array fields keep their names; ``measures`` and ``times_s`` are vectors beside
-    ``measure_names`` and ``time_names``; ``settings_toml`` is text; ``number``, ``timestamp_ns``,
+    Array fields keep their names. ``measures`` and ``times_s`` are vectors; ``measure_names`` and
+    ``time_names`` name their entries. ``settings_toml`` is text. ``number``, ``timestamp_ns``,
     ``world_from_velo``, ``cam_from_velo``, ``projection`` and ``image_size_px`` come from the
-    frame, where it has them.
+    frame, if it has them.
 
     Raises
     ------
@@ -88,7 +104,7 @@ def save_frame(path: Path, frame: "Frame", analysis: "Analysis") -> FrameRecord:
 
 
 def _write_archive(file: BinaryIO, arrays: Arrays) -> None:
-    # What np.savez does, but never with a pickle, and deflated at the level that pays here.
+    # As np.savez_compressed, but without pickle and with the fastest compression level.
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
@@ -131,15 +147,15 @@ def _arrays_of_analysis(analysis: "Analysis") -> Arrays:
 
 
 def load_frame(path: Path) -> Arrays:
-    """All arrays of a frame's file, by name; every byte has been read and its checksum compared.
+    """All arrays of a frame file, by name, after comparing the checksums of the archive.
 
     Raises
     ------
     OutputError
-        The file cannot be read, is damaged, or is no result of this program.
+        The file cannot be read, is damaged, or is not a frame file of this version.
     """
     try:
-        # From memory: a file that is damaged in the middle must fail here, not later.
+        # Read at once: damage anywhere in the file must raise here, not at a later access.
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except OSError as error:
@@ -147,12 +163,12 @@ def load_frame(path: Path) -> Arrays:
     except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
         raise OutputError(f"{path} is damaged: {error}.") from None
     if "format" not in arrays or int(arrays["format"]) != FORMAT:
-        raise OutputError(f"{path} is no frame that this version of intervis wrote.")
+        raise OutputError(f"{path} is not a frame file of this version of intervis.")
     return arrays
 
 
 def load_analysis(path: Path) -> "Analysis":
-    """The analysis that a frame's file holds, as `intervis.analyze` returned it.
+    """The analysis in a frame file, as `intervis.analyze` returned it.
 
     Raises
     ------
@@ -162,7 +178,8 @@ def load_analysis(path: Path) -> "Analysis":
     from intervis.method.analysis import Analysis, StageTimes
     from intervis.method.measures import Measures
 
-    arrays, record = load_frame(path), load_record(path)
+    arrays = load_frame(path)
+    record = _record(path, arrays)
     counts = {field.name for field in dataclasses.fields(Measures) if field.type is int}
     measures: dict[str, Any] = {
         name: int(value) if name in counts else value for name, value in record.measures.items()
@@ -182,18 +199,21 @@ def load_analysis(path: Path) -> "Analysis":
             times=StageTimes(**record.times_s),
         )
     except (KeyError, TypeError, SettingsError) as error:
-        raise OutputError(f"{path} is no frame that this version of intervis wrote.") from error
+        raise OutputError(f"{path} is not a frame file of this version of intervis.") from error
 
 
 def load_record(path: Path) -> FrameRecord:
-    """What a run remembers of a frame, read back from the frame's file.
+    """The record of a frame, read from its frame file.
 
     Raises
     ------
     OutputError
         As `load_frame`.
     """
-    arrays = load_frame(path)
+    return _record(path, load_frame(path))
+
+
+def _record(path: Path, arrays: Arrays) -> FrameRecord:
     try:
         measures = dict(
             zip(arrays["measure_names"].tolist(), arrays["measures"].tolist(), strict=True)

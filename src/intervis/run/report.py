@@ -1,4 +1,4 @@
-"""What a run is shown as: pictures of its middle frame, tables, and one page with all of it."""
+"""Report of a run: pictures of its middle frame, tables, and one HTML page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,8 +11,10 @@ from intervis.arrays import finite_rows
 from intervis.errors import MissingExtraError, OutputError
 from intervis.files import write_text
 from intervis.plots.page import Page, Picture
-from intervis.plots.tables import Table, measures_table, times_table
+from intervis.plots.tables import Table
+from intervis.progress import Progress, silent
 from intervis.run.frame_file import frame_path, load_analysis
+from intervis.run.tables import measures_table, times_table
 
 if TYPE_CHECKING:
     from intervis.drives import Drive, Frame
@@ -21,44 +23,44 @@ if TYPE_CHECKING:
 PICTURES = {
     "overview": (
         "Overview",
-        "What the camera and the scanner see, and what the method makes of it. Orange is the region"
-        " that it calls visible from the viewpoint (the star): triangles whose three corners are"
-        " intervisibility points and at least two of whose sides are intervisible edges.",
+        "Camera image, scan and result of the method. Orange: the intervisible region for the"
+        " viewpoint (star), that is, the triangles with three intervisibility points as corners and"
+        " at least two intervisible edges.",
     ),
     "camera": (
         "Field of view",
-        "Returns that project into the camera's image (Eq. 1 and 2), coloured by range.",
+        "Returns that project into the camera image (Eq. 1 and 2), coloured by range.",
     ),
     "scan": (
         "Scan from above",
-        "The whole scan; what is in view is coloured by elevation, the rest is grey.",
+        "The whole scan. Returns in view are coloured by elevation, the others are grey.",
     ),
     "surface": (
         "Manifold auxiliary surface",
-        "Cohesion and repulsion (Eq. 3 to 8) thin the crowded near field and gather the sparse"
-        " far field. Left: the nodes before (grey) and after. Right: how far each one moved.",
+        "Cohesion and repulsion (Eq. 3 to 8) displace the nodes. Left: the nodes before (grey) and"
+        " after the displacement. Right: the displacement of each node.",
     ),
     "intervisibility": (
         "Intervisibility",
-        "The finite elements over the ground, with the intervisibility points and edges of"
-        " Algorithm 1 and the region that they enclose; on the right the near part, enlarged.",
+        "The finite elements from above, with the intervisibility points, edges and region of"
+        " Algorithm 1. Right: the near part, enlarged.",
     ),
     "sight": (
-        "What is seen from ahead",
-        "The same scan, asked which of its returns are seen from the star. Visible: beams crossed"
-        " the space in between. Occluded: a surface that was seen stands in between. Unknown:"
-        " nobody looked there, or it is too close to call.",
+        "Sight lines from a viewpoint ahead",
+        "Sight lines from the viewpoint (star) to every return of the same scan. Visible: beams"
+        " passed through the space between. Occluded: an observed surface lies between. Unknown:"
+        " the space between was not observed, or the evidence is not decisive.",
     ),
 }
-"""Heading and caption of each picture, by the name of its file."""
+"""Heading and caption of each picture, by file name."""
 
 AHEAD_M = 8.0
-"""So far ahead of the sensor stands the viewpoint of the sight lines shown."""
+"""Distance of the viewpoint of the sight lines shown, ahead of the sensor."""
 
 
 @dataclass(frozen=True)
 class RunReport:
-    """Files of a report, and what is missing from it, in a sentence (None: nothing)."""
+    """Files of a report, and a sentence on what is missing from it (None: nothing)."""
 
     paths: tuple[Path, ...]
     missing: str | None
@@ -71,31 +73,35 @@ def report_run(
     *,
     source_note: str = "",
     with_sight: bool = False,
+    progress: Progress | None = None,
 ) -> RunReport:
-    """Draw a run's middle frame and write its tables and page.
+    """Draw the middle frame of a run, and write tables and page.
 
     Parameters
     ----------
     drive : Drive
-        What the run was made from.
+        The drive of the run.
     summary : RunSummary
-        What `intervis.run.stream.run` returned.
+        From `intervis.run.run_drive`.
     out : Path
-        Folder: ``index.html``, ``measures.md``, ``measures.csv``, ``pictures/*.png``.
+        Folder for ``index.html``, ``measures.md``, ``measures.csv``, ``pictures/*.png``.
     source_note : str
         A sentence about the drive for the head of the page.
     with_sight : bool
-        Whether sight lines are shown as well: what the same scan says is seen from ahead.
+        Whether to show sight lines from a viewpoint ahead of the sensor as well.
+    progress : callable, optional
+        Called `report_steps` times, after each picture and after the page.
 
     Raises
     ------
     OutputError
-        A file cannot be written, or the run has no frame that went well.
+        A file cannot be written, or the run has no frame with a result.
     """
+    progress = progress or silent
     if not summary.frames:
-        raise OutputError(f"the run in {summary.out} has no frame to show.")
+        raise OutputError(f"the run in {summary.out} has no frame with a result.")
     number = summary.frames[len(summary.frames) // 2].number
-    pictures, missing = _pictures(drive, summary, number, out / "pictures", with_sight)
+    pictures, missing = _pictures(drive, summary, number, out / "pictures", with_sight, progress)
     every_frame = measures_table(summary.frames, few=None)
     times = times_table(summary.content["times_s"], len(summary.frames))
     lead = _lead(summary, number, source_note, missing)
@@ -107,26 +113,39 @@ def report_run(
     }
     for path, text in texts.items():
         write_text(path, text)
+    progress("page")
     return RunReport((*texts, *(picture.path for picture in pictures)), missing)
 
 
+def report_steps(drive: "Drive", *, with_sight: bool = False) -> int:
+    """Number of steps that `report_run` reports: the pictures, and the page."""
+    return len(PICTURES) - (drive.camera is None) - (not with_sight) + 1
+
+
 def _pictures(
-    drive: "Drive", summary: "RunSummary", number: int, folder: Path, with_sight: bool
+    drive: "Drive",
+    summary: "RunSummary",
+    number: int,
+    folder: Path,
+    with_sight: bool,
+    progress: Progress,
 ) -> tuple[list[Picture], str | None]:
     from intervis.plots.figures import save_pictures
 
     analysis = load_analysis(frame_path(summary.out, number))
     try:
-        paths = save_pictures(drive[number], analysis, folder)
+        frame = drive[number]
+        paths = save_pictures(frame, analysis, folder, progress=progress)
         if with_sight:
-            paths = [*paths, _save_sight(drive[number], folder / "sight.png")]
+            paths.append(_save_sight(frame, folder / "sight.png"))
+            progress("sight")
     except MissingExtraError as error:
-        return [], f"the pictures are left out. {error}"
+        return [], f"the report has no pictures. {error}"
     return [Picture(path, *PICTURES[path.stem]) for path in paths], None
 
 
 def _save_sight(frame: "Frame", path: Path) -> Path:
-    """Draw what a scan says is seen from a place ahead of its sensor."""
+    """Draw which returns of a scan are visible from a viewpoint ahead of its sensor."""
     from intervis.plots.sight_figure import sight_from_above
     from intervis.plots.style import save_figure
     from intervis.sight import Scene
@@ -159,7 +178,7 @@ def _page(
     parts: list[Picture | Table | str] = [*pictures[:1], "Measures", tables[0], "Times", tables[1]]
     sights = [picture for picture in pictures if picture.path.stem == "sight"]
     steps = [picture for picture in pictures[1:] if picture not in sights]
-    for heading, shown in (("Step by step", steps), ("Sight lines", sights)):
+    for heading, shown in (("Steps of the method", steps), ("Sight lines", sights)):
         if shown:
             parts += [heading, *shown]
     return Page(
@@ -170,6 +189,6 @@ def _page(
             f"Settings: {chosen}.",
             f"Versions: {versions}.",
             f"Machine: {machine['processor']}, {machine['cpus']} cores, {machine['system']}.",
-            *(f"Frame {f.number} failed: {f.sentence}" for f in summary.failures),
+            *(f"Frame {f.number} failed: {f.reason}" for f in summary.failures),
         ],
     )

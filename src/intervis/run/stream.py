@@ -1,26 +1,33 @@
-"""A drive in, results out, frame by frame: constant memory, and it goes on where it stopped."""
+"""Process a drive frame by frame: one result file per frame, constant memory, resumable."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from intervis.arrays import Float64Array, checked_point, checked_points
-from intervis.errors import DriveError, IntervisError, OutputError, SettingsError
+from intervis.arrays import Float64Array, checked_point
+from intervis.errors import (
+    DriveError,
+    IntervisError,
+    MissingExtraError,
+    OutputError,
+    SettingsError,
+)
 from intervis.files import write_text
-from intervis.method.analysis import Analysis, analyze, field_of_view
+from intervis.method.analysis import Analysis, analyze
 from intervis.method.granularity import TauHysteresis
+from intervis.progress import Progress, silent
 from intervis.run.frame_file import FrameRecord, frame_path, load_record, save_frame
 from intervis.run.summary import (
     as_json,
     describe,
     differences,
     read_summary,
+    same_results,
     summarize,
-    tells_the_same,
 )
 from intervis.settings import Settings
 from intervis.transform import inverse, transform
@@ -37,26 +44,31 @@ FrameRange = tuple[int | None, int | None]
 
 @dataclass(frozen=True)
 class FrameFailure:
-    """A frame that gave no result, and why, in one sentence."""
+    """A frame without a result, and the error message as its reason."""
 
     number: int
-    sentence: str
+    reason: str
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What a run did.
+    """Result of a run.
 
     Attributes
     ----------
     out : Path
-        Its folder: ``summary.json``, ``settings.toml``, ``frames/NUMBER.npz``.
+        Output folder: ``summary.json``, ``settings.toml``, ``frames/NUMBER.npz``.
     frames : tuple of FrameRecord
-        The frames that went well, those of earlier runs among them, by number.
+        The frames with a result, ordered by number; includes those of earlier runs.
     failures : tuple of FrameFailure
-        The frames that did not.
+        The frames without a result.
     content : mapping
-        What ``summary.json`` holds.
+        The content of ``summary.json``.
+
+    Examples
+    --------
+    >>> RunSummary(Path("out"), (), (FrameFailure(3, "frame 3 is truncated."),), {})
+    <RunSummary: 0 frames, 1 failed, in out>
     """
 
     out: Path
@@ -66,81 +78,91 @@ class RunSummary:
 
     @property
     def reused(self) -> int:
-        """How many frames an earlier run had already written."""
+        """Number of frames that an earlier run had already written."""
         return sum(record.reused for record in self.frames)
 
+    def __repr__(self) -> str:
+        parts = [f"{len(self.frames)} frame{'' if len(self.frames) == 1 else 's'}"]
+        if self.reused:
+            parts.append(f"{self.reused} reused")
+        if self.failures:
+            parts.append(f"{len(self.failures)} failed")
+        return f"<RunSummary: {', '.join(parts)}, in {self.out}>"
 
-def run(
+
+def run_drive(
     drive: "Drive",
     out: Path | str,
     *,
     settings: Settings | None = None,
     viewpoint: Viewpoint = "camera",
     frames: FrameRange | None = None,
-    on_frame: Callable[[FrameRecord | FrameFailure], None] | None = None,
+    progress: Progress | None = None,
     overwrite: bool = False,
 ) -> RunSummary:
-    """Analyse the frames of a drive and write one file for each, and a summary.
+    """Analyse the frames of a drive; write one file per frame, and a summary.
 
-    A frame that an earlier run with the same input and settings wrote is read, not made again; a
-    frame that fails is listed, and the next one has its turn. Stage times are those of compiled
-    kernels: the first frame is analysed once before the clock counts.
+    Frames that an earlier run with the same input and settings wrote are read, not computed again.
+    A frame that fails is listed, and the run continues with the next one. Stage times exclude
+    compilation: the first frame is analysed once before the timed analysis.
 
     Parameters
     ----------
     drive : Drive
-        As `intervis.open_drive` gives it.
+        From `intervis.open_drive`.
     out : Path
-        Folder of the results, made where it does not exist.
+        Output folder; created if it does not exist.
     settings : Settings, optional
-        Of the method.
+        Settings of the method. With ``tau="auto"`` tau is chosen per frame, with hysteresis.
     viewpoint : {"camera", "sensor", "start"} or three numbers
-        P0 of every frame: the camera's centre (the sensor where there is no camera), the sensor,
-        the camera's place in the drive's first frame carried along by the poses, or coordinates
-        in metres in the sensor's frame.
+        P0 of every frame: the camera centre (the sensor if the drive has no camera); the sensor;
+        the camera centre of the drive's first frame, transformed into each frame by the poses; or
+        coordinates in the sensor frame, metres.
     frames : (first, stop), optional
         Frame numbers ``first <= number < stop``; None leaves an end open.
-    on_frame : callable, optional
-        Called after each frame with its `FrameRecord` or `FrameFailure`.
+    progress : callable, optional
+        Called after each frame, reused and failed ones included, with ``"frame NUMBER"``.
     overwrite : bool
-        Remove what an earlier run left in `out`, instead of refusing to mix it with this one.
+        Remove an earlier run from `out` instead of raising `OutputError`.
 
     Raises
     ------
     OutputError
-        `out` cannot be written, the disk is full, or it holds a run with other settings or input.
-        What is complete stays, and the same call goes on from there.
+        `out` cannot be written, the disk is full, or `out` holds a run with other settings or
+        input. Complete files stay, and the same call resumes from them.
     DriveError
         No frame lies in the range, or ``viewpoint="start"`` and the drive has no poses.
     SettingsError, PointsError
-        A setting, or the viewpoint, is impossible.
+        A setting, or the viewpoint, is invalid.
+    MissingExtraError
+        Reading the scans needs a package that is not installed.
     """
     out, settings = Path(out), settings or Settings()
     numbers = selected_frames(drive.frame_numbers, frames)
-    place = _Place(drive, viewpoint)
-    head = describe(drive, settings, place.asked)
+    progress = progress or silent
+    origin = _MetaViewpoint(drive, viewpoint)
+    head = describe(drive, settings, origin.requested)
     _prepare(out, head, settings, overwrite=overwrite)
     records: list[FrameRecord] = []
     failures: list[FrameFailure] = []
-    for outcome in _outcomes(drive, numbers, out, settings, place):
+    for outcome in _outcomes(drive, numbers, out, settings, origin):
         if isinstance(outcome, FrameRecord):
             records.append(outcome)
         else:
             failures.append(outcome)
-        if on_frame is not None:
-            on_frame(outcome)
-    content = summarize(head, records, [(f.number, f.sentence) for f in failures])
+        progress(f"frame {outcome.number}")
+    content = summarize(head, records, [(f.number, f.reason) for f in failures])
     _finish(out, content)
     return RunSummary(out, tuple(records), tuple(failures), content)
 
 
 def selected_frames(numbers: Sequence[int], frames: FrameRange | None) -> list[int]:
-    """The frame numbers that lie in a range ``first <= number < stop``.
+    """Frame numbers in a range ``first <= number < stop``.
 
     Raises
     ------
     DriveError
-        None does.
+        No frame lies in the range.
 
     Examples
     --------
@@ -156,26 +178,26 @@ def selected_frames(numbers: Sequence[int], frames: FrameRange | None) -> list[i
     if not chosen:
         if not len(numbers):
             raise DriveError("the drive has no frames.")
-        asked = f"{'' if first is None else first}:{'' if stop is None else stop}"
+        requested = f"{'' if first is None else first}:{'' if stop is None else stop}"
         raise DriveError(
-            f"no frame lies in the range {asked} (the end is not included): the drive has"
+            f"no frame lies in the range {requested} (the end is not included): the drive has"
             f" {len(numbers)} frames, from {min(numbers)} to {max(numbers)}."
         )
     return chosen
 
 
-class _Place:
-    """Where P0 is in each frame, in the sensor's coordinates of that frame."""
+class _MetaViewpoint:
+    """P0 of each frame, in the sensor frame of that frame."""
 
     def __init__(self, drive: "Drive", viewpoint: Viewpoint) -> None:
-        self.asked: str | list[float]
+        self.requested: str | list[float]
         self._fixed: Float64Array | None = None
         self._world: Float64Array | None = None
         if not isinstance(viewpoint, str):
             self._fixed = checked_point(viewpoint)
-            self.asked = self._fixed.tolist()
+            self.requested = self._fixed.tolist()
             return
-        self.asked = viewpoint
+        self.requested = viewpoint
         if viewpoint == "sensor":
             self._fixed = np.zeros(3)
         elif viewpoint == "start":
@@ -187,41 +209,19 @@ class _Place:
             )
 
     def in_frame(self, frame: "Frame") -> Float64Array | None:
-        """(3,) metres, or None for the place of the camera."""
+        """(3,) metres; None stands for the camera centre."""
         if self._world is None:
             return self._fixed
         if frame.pose is None:
             raise DriveError(
-                f"frame {frame.number} has no pose, so the drive's first viewpoint cannot be"
-                " carried along to it."
+                f"frame {frame.number} has no pose, so the viewpoint 'start' cannot be"
+                " transformed into it."
             )
         return transform(inverse(frame.pose), self._world)
 
 
-class _Granularity:
-    """The settings of each frame: with ``tau="auto"`` a number is chosen, and held while it can."""
-
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
-        chooses = settings.tau == "auto" and settings.sampling != "radius"
-        self._steady = TauHysteresis(settings) if chooses else None
-
-    def settings_for(self, frame: "Frame") -> Settings:
-        """The settings of the next frame."""
-        if self._steady is None:
-            return self._settings
-        points = checked_points(frame.points)
-        view = field_of_view(points, frame.camera, frame.cam_from_velo, self._settings.view)
-        return self._settings.with_changes(tau=self._steady.choose(len(view.index)))
-
-    def follow(self, record: FrameRecord) -> None:
-        """Go on from a frame of an earlier run, so that a resumed run ends like a whole one."""
-        if self._steady is not None:
-            self._steady.tau = record.tau
-
-
 def start_viewpoint_world(drive: "Drive") -> Float64Array:
-    """(3,) the camera's centre (the sensor, without a camera) in the drive's first frame, world.
+    """(3,) world coordinates of the camera centre (or sensor) in the drive's first frame, metres.
 
     Raises
     ------
@@ -231,32 +231,34 @@ def start_viewpoint_world(drive: "Drive") -> Float64Array:
     first = drive[min(drive.frame_numbers)]
     if first.pose is None:
         raise DriveError(
-            "the viewpoint 'start' is carried along by the poses, and this drive has none:"
-            " choose camera, sensor or coordinates."
+            "the viewpoint 'start' needs poses, and this drive has none: choose camera, sensor"
+            " or coordinates."
         )
     return transform(first.pose, first.viewpoint_velo)
 
 
 def _outcomes(
-    drive: "Drive", numbers: Sequence[int], out: Path, settings: Settings, place: _Place
+    drive: "Drive", numbers: Sequence[int], out: Path, settings: Settings, origin: _MetaViewpoint
 ) -> Iterator[FrameRecord | FrameFailure]:
-    warm, granularity = False, _Granularity(settings)
+    chooses_tau = settings.tau == "auto" and settings.sampling != "radius"
+    granularity = TauHysteresis(settings) if chooses_tau else None
+    compiled = False
     for number in numbers:
         path = frame_path(out, number)
         record = _record_of_earlier_run(path)
         if record is not None:
-            granularity.follow(record)
+            if granularity is not None:  # a resumed run chooses tau as an uninterrupted one
+                granularity.tau = record.tau
             yield record
             continue
         try:
             frame = drive[number]
-            chosen = granularity.settings_for(frame)
-            if not warm:  # compile what this drive needs, so that the times below are honest
-                _analyze(frame, chosen, place)
-                warm = True
-            analysis = _analyze(frame, chosen, place)
-        except SettingsError:
-            raise  # it would fail for every frame: the request is wrong, not the frame
+            if not compiled:  # compile the kernels that this drive needs before timing
+                _analyze(frame, settings, origin, granularity)
+                compiled = True
+            analysis = _analyze(frame, settings, origin, granularity)
+        except (SettingsError, MissingExtraError):
+            raise  # every frame would fail in the same way
         except IntervisError as error:
             yield FrameFailure(number, str(error))
         except Exception as error:
@@ -266,13 +268,16 @@ def _outcomes(
             yield save_frame(path, frame, analysis)
 
 
-def _analyze(frame: "Frame", settings: Settings, place: _Place) -> Analysis:
+def _analyze(
+    frame: "Frame", settings: Settings, origin: _MetaViewpoint, granularity: TauHysteresis | None
+) -> Analysis:
     return analyze(
         frame.points,
         camera=frame.camera,
         cam_from_velo=frame.cam_from_velo,
-        viewpoint=place.in_frame(frame),
+        viewpoint=origin.in_frame(frame),
         settings=settings,
+        tau_for=granularity.choose if granularity is not None else None,
     )
 
 
@@ -282,12 +287,12 @@ def _record_of_earlier_run(path: Path) -> FrameRecord | None:
     try:
         return load_record(path)
     except OutputError as error:
-        log.warning("%s It is made again.", error)
+        log.warning("%s The frame is computed again.", error)
         return None
 
 
 def _prepare(out: Path, head: Mapping[str, Any], settings: Settings, *, overwrite: bool) -> None:
-    """Make the folder ready, and refuse one that holds another run."""
+    """Prepare the output folder; raise where it holds another run."""
     try:
         if out.exists() and not out.is_dir():
             raise OutputError(f"{out} is a file: choose a folder for the results.")
@@ -296,8 +301,8 @@ def _prepare(out: Path, head: Mapping[str, Any], settings: Settings, *, overwrit
         earlier = read_summary(out / "summary.json")
         if earlier is None and any((out / "frames").glob("*.npz")):
             raise OutputError(
-                f"{out} holds frames of a run whose summary.json is missing, so nobody can tell"
-                " what they were made from: choose another folder, or overwrite it."
+                f"{out} holds frames of a run whose summary.json is missing, so their input and"
+                " settings are unknown: choose another folder, or overwrite it."
             )
         (out / "frames").mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -315,15 +320,15 @@ def _prepare(out: Path, head: Mapping[str, Any], settings: Settings, *, overwrit
 
 
 def _remove_run(out: Path) -> None:
-    """Remove the files that a run writes, and nothing else."""
+    """Remove the files that a run writes, and no others."""
     for pattern in ("summary.json", "settings.toml", "frames/*.npz", "frames/.*.npz.part"):
         for path in out.glob(pattern):
             path.unlink()
 
 
 def _finish(out: Path, content: Mapping[str, Any]) -> None:
-    """Write the summary, unless the one that is there tells the same."""
+    """Write the summary, unless the file already holds the same results."""
     path = out / "summary.json"
     earlier = read_summary(path)
-    if earlier is None or not tells_the_same(earlier, content):
+    if earlier is None or not same_results(earlier, content):
         write_text(path, as_json(content))

@@ -1,4 +1,4 @@
-"""The summary of a run: what it was made from, on what, how long it took, what it measured."""
+"""The summary of a run: input, settings, machine, times and measures."""
 
 import json
 import math
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
 Content = dict[str, Any]
 
 COMPARED = ("intervis", "viewpoint", "settings", "input")
-"""What two runs must share for the second to go on where the first stopped."""
+"""What must be equal in two runs for the second to resume the first."""
 
 
 def describe(drive: "Drive", settings: Settings, viewpoint: str | list[float]) -> Content:
-    """What a run is made from: program version, viewpoint asked for, settings and input."""
+    """Program version, requested viewpoint, settings and input of a run."""
     head = {
         "intervis": intervis.__version__,
         "viewpoint": viewpoint,
         "settings": settings.model_dump(mode="json"),
         "input": drive.fingerprint(),
     }
-    # As it will be read back: paths and tuples become text and lists here, not at comparison.
+    # In the form in which it is read back: paths become text and tuples become lists.
     return dict(json.loads(json.dumps(head, default=str)))
 
 
 def differences(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """In words, where two descriptions differ.
+    """Differences between two descriptions, one text each.
 
     Examples
     --------
@@ -67,26 +67,26 @@ def summarize(
     *,
     complete: bool = True,
 ) -> Content:
-    """What ``summary.json`` holds.
+    """Content of ``summary.json``.
 
     Parameters
     ----------
     head : mapping
         From `describe`.
     records : sequence of FrameRecord
-        The frames that went well.
-    failures : sequence of (number, sentence)
-        The frames that did not.
+        The frames with a result.
+    failures : sequence of (number, reason)
+        The frames without a result.
     complete : bool
-        False while a run is under way.
+        False while the run is in progress.
     """
     return {
         **head,
         "versions": _versions(),
         "machine": _machine(),
         "complete": complete,
-        "timing": "seconds; the first frame was analysed once before the clock counted,"
-        " so that no time holds the compilation of kernels; reading and writing files not counted",
+        "timing": "seconds; without compilation (the first frame is analysed once before the timed"
+        " analysis) and without reading or writing files",
         "times_s": {name: _spread(values) for name, values in _columns(records, "times_s")},
         "measures": {name: _statistics(values) for name, values in _columns(records, "measures")},
         "frames": [
@@ -102,13 +102,13 @@ def summarize(
     }
 
 
-def tells_the_same(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> bool:
+def same_results(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> bool:
     """Whether two summaries hold the same frames, failures and completeness."""
     return all(earlier.get(name) == now.get(name) for name in ("complete", "frames", "failures"))
 
 
 def as_json(content: Mapping[str, Any]) -> str:
-    """A summary as text; a number that JSON cannot hold is an error here, not in the reader."""
+    """A summary as JSON text; NaN or infinity raises ValueError."""
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
@@ -118,7 +118,7 @@ def read_summary(path: Path) -> Content | None:
     Raises
     ------
     OutputError
-        The file cannot be read or is no summary.
+        The file cannot be read or is not a summary.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -129,7 +129,9 @@ def read_summary(path: Path) -> Content | None:
     except ValueError:
         content = None
     if not isinstance(content, dict) or "settings" not in content:
-        raise OutputError(f"{path} is no summary of a run: choose another folder, or overwrite it.")
+        raise OutputError(
+            f"{path} is not the summary of a run: choose another folder, or overwrite it."
+        )
     return content
 
 
@@ -166,7 +168,7 @@ def _statistics(values: Sequence[float]) -> Content:
 
 
 def _json_number(value: float | np.floating[Any]) -> float | int | None:
-    """A number as JSON knows it: None for NaN and infinity, whole numbers without a point."""
+    """A number for JSON: None for NaN and infinity, an int for a whole number."""
     number = float(value)
     if not math.isfinite(number):
         return None

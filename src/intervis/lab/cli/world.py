@@ -36,14 +36,14 @@ def demo(
     Writes the drive, its results, tables, pictures and a page to open.
     """
     from intervis.drives import open_drive
-    from intervis.run.stream import run as run_drive
+    from intervis.run import run_drive
 
     drive = open_drive(_simulate(out / "drive", frames, seed))
     with progress("analysis", len(drive.frame_numbers)) as advance:
         summary = run_drive(
             drive,
             out / "run",
-            on_frame=lambda outcome: advance(f"frame {outcome.number}"),
+            progress=advance,
             overwrite=True,
         )
     show_run(summary)

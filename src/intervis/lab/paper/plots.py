@@ -10,14 +10,21 @@ from intervis.lab.paper import printed_values
 from intervis.lab.paper.curve import CurvePoint
 from intervis.lab.paper.experiment import FrameExperiment
 from intervis.lab.paper.spectra import Spectrum, power_spectra
-from intervis.method.granularity import TPI_LOST, floor_nodes
-from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, SEQUENTIAL, page_figure
-from intervis.plots.views import (
-    legend_in_rows,
+from intervis.lab.paper.views import (
     scatter_3d,
     solid_axes,
     solid_bar,
-    without_strays,
+    without_outliers,
+)
+from intervis.method.granularity import TPI_LOST, floor_nodes
+from intervis.plots.style import (
+    FAINT,
+    INK,
+    INTERVISIBLE,
+    NODE,
+    SEQUENTIAL,
+    legend_below,
+    page_figure,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +80,7 @@ def _points_and_spectra(
         per_subplot_kw={"points": {"projection": "3d"}},
     ) as (figure, axes):
         solid = axes["points"]
-        kept = without_strays(points)
+        kept = without_outliers(points)
         shown = scatter_3d(solid, points[kept], c=colour[kept], cmap=SEQUENTIAL, s=2.0)
         solid_axes(solid, points[kept], title)
         if chart != "ground":
@@ -230,7 +237,7 @@ def figure_10(result: FrameExperiment) -> "Figure":
             title="Time by stage",
         )
         axes.grid(visible=True, which="major", color="#eceef1", linewidth=0.6)
-        legend_in_rows(figure, axes, 4)
+        legend_below(figure, axes, 4)
         return figure
 
 

@@ -6,6 +6,14 @@ import numpy as np
 
 from intervis.arrays import Float64Array, finite_rows
 from intervis.lab.paper.experiment import FrameExperiment
+from intervis.lab.paper.views import (
+    ground_range_m,
+    reach_m,
+    scatter_3d,
+    set_limits,
+    solid_axes,
+    without_outliers,
+)
 from intervis.method.analysis import Analysis
 from intervis.plots.figures import SHOWN_PERCENT, draw_camera_view
 from intervis.plots.style import (
@@ -16,17 +24,9 @@ from intervis.plots.style import (
     SEQUENTIAL,
     colour_bar,
     dots,
-    page_figure,
-)
-from intervis.plots.views import (
-    ground_range_m,
-    legend_in_rows,
+    legend_below,
     mark_viewpoint,
-    reach_m,
-    scatter_3d,
-    set_limits,
-    solid_axes,
-    without_strays,
+    page_figure,
 )
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def figure_6(result: FrameExperiment) -> "Figure":
             _draw_topology(place, result.fine, scale)
             set_limits(place, result.fine, percent, square=True)
             place.set_title(title)
-        legend_in_rows(figure, axes[0], 3)
+        legend_below(figure, axes[0], 3)
         return figure
 
 
@@ -110,7 +110,7 @@ def figure_7(result: FrameExperiment) -> "Figure":
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     fine = result.fine
-    nodes, kept = fine.node_points, without_strays(fine.node_points)
+    nodes, kept = fine.node_points, without_outliers(fine.node_points)
     pairs = fine.edges[fine.edge_intervisible]
     step_m = np.abs(nodes[pairs[:, 0], 2] - nodes[pairs[:, 1], 2])
     high = float(np.percentile(step_m, 98)) if len(step_m) else 1.0
@@ -142,7 +142,7 @@ def figure_7(result: FrameExperiment) -> "Figure":
         set_limits(above, fine, 95.0)
         above.set_title("(b) From above")
         colour_bar(above, lines, "elevation distance |Δz| of an edge, m")
-        legend_in_rows(figure, above, 3)
+        legend_below(figure, above, 3)
         return figure
 
 
@@ -154,7 +154,7 @@ def figure_8(result: FrameExperiment) -> "Figure":
     nodes, point = fine.node_points, fine.node_intervisible
     low, high = np.percentile(nodes[:, 2], [1, 99])
     reach = reach_m(fine, 95.0)
-    kept = (ground_range_m(fine) <= reach) & without_strays(nodes)
+    kept = (ground_range_m(fine) <= reach) & without_outliers(nodes)
     shown = fine.triangles[kept[fine.triangles].all(axis=1)]
     shade: Any = {"cmap": SEQUENTIAL, "vmin": low, "vmax": high}
     with page_figure(

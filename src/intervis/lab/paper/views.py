@@ -1,27 +1,11 @@
-"""Views that the paper's figures share: 3-D axes, limits around the viewpoint, legends."""
+"""Parts that the paper's figures share: 3-D axes, and limits around the viewpoint."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array
 from intervis.method.analysis import Analysis
-from intervis.plots.style import INK, dots
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-def legend_in_rows(figure: "Figure", axes: Any, columns: int) -> None:
-    """A legend in rows below everything, its dots large enough to be seen."""
-    handles, labels = axes.get_legend_handles_labels()
-    legend = figure.legend(
-        handles, labels, loc="outside lower center", ncols=columns, frameon=False
-    )
-    handle: Any
-    for handle in legend.legend_handles:
-        if hasattr(handle, "set_sizes"):
-            handle.set_sizes([max(14.0, float(handle.get_sizes()[0]))])
 
 
 def scatter_3d(axes: Any, points: Float64Array, **look: Any) -> Any:
@@ -31,15 +15,15 @@ def scatter_3d(axes: Any, points: Float64Array, **look: Any) -> Any:
     )
 
 
-def without_strays(points: Float64Array) -> BoolArray:
-    """Points that a 3-D view shows: it holds all but a few stray ones."""
+def without_outliers(points: Float64Array) -> BoolArray:
+    """(K,) mask of the points that a 3-D view shows: all but a few outliers."""
     low, high = np.percentile(points, [0.5, 99.0], axis=0)
     inside: BoolArray = ((points >= low) & (points <= high)).all(axis=1)
     return inside if inside.sum() > 3 else np.ones(len(points), bool)
 
 
 def solid_axes(axes: Any, points: Float64Array, title: str) -> None:
-    """A view from behind and above, elevation stretched so that steps can be seen."""
+    """A view from behind and above, with exaggerated elevation."""
     low, high = points.min(axis=0), points.max(axis=0)
     span = np.maximum(high - low, 1e-3)
     axes.set(xlabel="x forward, m", ylabel="y left, m", zlabel="z, m")
@@ -70,12 +54,12 @@ def ground_range_m(analysis: Analysis) -> Float64Array:
 
 
 def reach_m(analysis: Analysis, percent: float) -> float:
-    """Ground range that this share of the nodes lies within."""
+    """Ground range within which this percentage of the nodes lies."""
     return float(np.percentile(ground_range_m(analysis), percent))
 
 
 def set_limits(axes: Any, analysis: Analysis, percent: float, *, square: bool = False) -> None:
-    """Limits that hold the viewpoint and the nearest nodes, with equal scales."""
+    """Limits around the viewpoint and the nearest nodes, with equal scales."""
     near = ground_range_m(analysis) <= reach_m(analysis, percent)
     kept = np.vstack([analysis.node_points[near, :2], analysis.viewpoint[:2]])
     low, high = kept.min(axis=0), kept.max(axis=0)
@@ -89,19 +73,4 @@ def set_limits(axes: Any, analysis: Analysis, percent: float, *, square: bool = 
         aspect="equal",
         xlabel="x forward, m",
         ylabel="y left, m",
-    )
-
-
-def mark_viewpoint(axes: Any, viewpoint: Float64Array) -> None:
-    """A star where one looks from."""
-    dots(
-        axes,
-        viewpoint[None, :2],
-        marker="*",
-        s=45,
-        color=INK,
-        edgecolor="white",
-        linewidths=0.4,
-        zorder=6,
-        label="viewpoint",
     )

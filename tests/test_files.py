@@ -1,0 +1,69 @@
+"""Files appear whole or not at all, and a failure names the file and the reason."""
+
+import errno
+import os
+
+import pytest
+
+from intervis.errors import OutputError
+from intervis.files import write_bytes, write_text, write_whole
+from small_drive import files_below
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(errno.EACCES, "Permission denied"), "permission denied."),
+        (OSError("odd"), "odd."),
+        (OSError(errno.ENOSPC, ""), "the disk is full; free some space and run the command again."),
+        (OSError(errno.EDQUOT, ""), "the disk is full; free some space and run the command again."),
+    ],
+)
+def test_a_failure_names_file_and_reason_and_leaves_the_old_file(tmp_path, error, reason):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+
+    def fail(file):
+        file.write(b"half")
+        raise error
+
+    with pytest.raises(OutputError) as caught:
+        write_whole(path, fail)
+    assert str(caught.value) == f"cannot write {path}: {reason}"
+    assert path.read_bytes() == b"old"
+    assert list(files_below(tmp_path)) == ["a.bin"]
+
+
+def test_any_exception_leaves_no_part(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        write_whole(tmp_path / "a.bin", lambda file: 1 / 0)
+    assert files_below(tmp_path) == {}
+
+
+def test_the_part_of_a_killed_process_is_overwritten(tmp_path):
+    (tmp_path / ".a.txt.part").write_text("half of an earlier attempt")
+    write_text(tmp_path / "a.txt", "whole")
+    assert (tmp_path / "a.txt").read_text() == "whole"
+    assert list(files_below(tmp_path)) == ["a.txt"]
+
+
+def test_equal_content_is_not_written_again(tmp_path):
+    path = tmp_path / "new" / "folders" / "a.bin"
+    write_bytes(path, b"one")
+    os.utime(path, ns=(0, 0))
+    write_bytes(path, b"one")
+    assert path.stat().st_mtime_ns == 0
+    write_bytes(path, b"two")
+    assert path.read_bytes() == b"two"
+    assert path.stat().st_mtime_ns > 0
+
+
+def test_a_file_in_place_of_a_folder_is_an_error(tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(OutputError, match=r"cannot write .*taken/a\.bin"):
+        write_bytes(tmp_path / "taken" / "a.bin", b"one")
+
+
+def test_bytes_of_a_name_that_are_not_utf8_are_escaped(tmp_path):
+    write_text(tmp_path / "a.txt", "dr\udcefve")
+    assert (tmp_path / "a.txt").read_text() == "dr\\udcefve"
