@@ -25,14 +25,14 @@ def street_scan():
     azimuth = np.radians(np.arange(-180, 180, 0.7))
     elevation = np.radians(np.arange(-25, 15, 0.5))
     a, e = (grid.ravel() for grid in np.meshgrid(azimuth, elevation))
-    way = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    direction = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     with np.errstate(divide="ignore"):
-        ground = np.where(way[:, 2] < 0, -SENSOR_HEIGHT_M / way[:, 2], np.inf)
-        wall = np.where(way[:, 0] > 0, 8.0 / way[:, 0], np.inf)
-    on_wall = way * np.where(np.isfinite(wall), wall, 0)[:, None]
+        ground = np.where(direction[:, 2] < 0, -SENSOR_HEIGHT_M / direction[:, 2], np.inf)
+        wall = np.where(direction[:, 0] > 0, 8.0 / direction[:, 0], np.inf)
+    on_wall = direction * np.where(np.isfinite(wall), wall, 0)[:, None]
     wall[(np.abs(on_wall[:, 1]) > 4) | (on_wall[:, 2] > 2) | (on_wall[:, 0] == 0)] = np.inf
     reach = np.minimum(ground, wall)
-    return way[reach < 60] * reach[reach < 60, None]
+    return direction[reach < 60] * reach[reach < 60, None]
 
 
 SCAN = street_scan()
@@ -202,9 +202,9 @@ def test_surface_closes_behind_the_sensor():
 def test_surface_is_cut_where_ranges_jump():
     # triangles bridge the range jump between the wall's side (9 m) and the ground beside it (19 m)
     azimuth, elevation = np.radians(np.linspace(26.0, 27.5, 61)), np.radians(-5.25)
-    way = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.full(61, np.tan(elevation))])
+    direction = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.full(61, np.tan(elevation))])
     bridged, cut = (
-        caster_of(triangulated.surface(SCAN, jump)).first_hit(np.zeros(3), 18 * way)
+        caster_of(triangulated.surface(SCAN, jump)).first_hit(np.zeros(3), 18 * direction)
         for jump in (9.0, 0.2)
     )
     on_bridge = (bridged > 9.3) & (bridged < 17)

@@ -54,6 +54,55 @@ def test_lines_past_disappeared_and_appeared_objects_are_dynamic():
     assert dynamic.tolist() == [True, True, False, False]
 
 
+def fan(angles_deg, range_m):
+    """Returns around the x axis, at angles from it in degrees."""
+    angles = np.radians(np.asarray(angles_deg, float))
+    return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))]) * range_m
+
+
+AHEAD = np.array([[20.0, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("other", "expected"),
+    [
+        (fan(np.linspace(-0.9, 0.9, 6), 30.0), True),
+        (fan(np.linspace(-0.9, 0.9, 5), 30.0), False),  # too few beams
+        # beams at 1 degree or farther are ignored
+        (fan([*np.linspace(-0.9, 0.9, 5), 0.99], 30.0), True),
+        (fan([*np.linspace(-0.9, 0.9, 5), 1.01], 30.0), False),
+        (np.vstack([fan(np.linspace(-0.9, 0.9, 6), 30.0), fan([0.99], 19.0)]), False),
+        (np.vstack([fan(np.linspace(-0.9, 0.9, 6), 30.0), fan([1.01], 19.0)]), True),
+        # beyond: 1 m + 2 % of the range
+        (fan(np.linspace(-0.9, 0.9, 6), 21.39), False),
+        (fan(np.linspace(-0.9, 0.9, 6), 21.41), True),
+        # the 24 nearest beams decide
+        (np.vstack([fan(np.linspace(-0.8, 0.8, 23), 30.0), fan([0.9], 19.0)]), False),
+        (np.vstack([fan(np.linspace(-0.8, 0.8, 24), 30.0), fan([0.9], 19.0)]), True),
+    ],
+)
+def test_limits_of_dynamic_returns(other, expected):
+    assert dynamic_returns(AHEAD, HERE, other, HERE).tolist() == [expected]
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "expected"),
+    [
+        (fan([0.39], 10.0), True),
+        (fan([0.41], 10.0), False),
+        (fan([0.1], 19.9), True),
+        (fan([0.1], 20.1), False),  # behind the target
+    ],
+)
+def test_limits_of_dynamic_lines(obstacle, expected):
+    # scan i holds the obstacle alone; all beams of scan j around it end 50 m away
+    scan_j = fan(np.linspace(-0.5, 0.9, 15), 50.0)
+    found = dynamic_lines(np.zeros(3), AHEAD, obstacle, HERE, scan_j, HERE)
+    assert found.tolist() == [expected]
+    swapped = dynamic_lines(np.zeros(3), AHEAD, scan_j, HERE, obstacle, HERE)
+    assert swapped.tolist() == [expected]
+
+
 @settings(max_examples=20)
 @given(turn=st.floats(-3.0, 3.0), x=st.floats(-50.0, 50.0), y=st.floats(-50.0, 50.0))
 def test_the_result_does_not_depend_on_the_world_frame(turn, x, y):

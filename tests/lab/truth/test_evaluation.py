@@ -8,9 +8,11 @@ from yard import YARD, write_drive
 
 from intervis import open_drive
 from intervis.errors import DriveError, SettingsError
+from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.evaluation import evaluate_held_out, evaluate_world
 from intervis.lab.truth.exact_world import Sampling
 from intervis.lab.truth.methods import Method, Predictions, baseline_methods
+from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.results import EvaluationResult, MethodResult
 
@@ -176,9 +178,28 @@ def test_progress_is_reported_after_every_answer(drive):
     assert notes[0].startswith("0:14, a")
 
 
-def test_a_row_without_a_score_is_never_the_best():
-    rows = (MethodResult("m", "none"), MethodResult("m", "other"))
-    assert EvaluationResult("s", "t", "single", (), 0, rows).best_settings()[0].setting == "none"
+@pytest.mark.parametrize("order", [("undefined", "inverted"), ("inverted", "undefined")])
+def test_a_setting_without_an_mcc_is_never_the_best(order):
+    visible = {"undefined": [True, True], "inverted": [True, False]}
+    results = []
+    for setting in order:
+        inputs = InputScans((), (), (), 0, 1)
+        labels = np.array(visible[setting])
+        query_set = QuerySet("0:1", inputs, np.zeros(3), np.ones((2, 3)), labels)
+        result = MethodResult("method", setting)
+        result.add(query_set, Predictions(np.array([0.0, 1.0]), None, 0.0, 0.0))
+        results.append(result)
+    evaluation = EvaluationResult("drive", "truth", "single", ("0:1",), 2, tuple(results))
+    (best,) = evaluation.best_settings()
+    assert (best.setting, best.mean.mcc) == ("inverted", -1.0)
+
+
+def test_times_are_medians():
+    result = MethodResult("method", "default", seconds=[(1.0, 10.0), (5.0, 40.0), (2.0, 20.0)])
+    assert (result.prepare_s, result.answer_s) == (2.0, 20.0)
+    result.seconds.append((4.0, 30.0))
+    assert (result.prepare_s, result.answer_s) == (3.0, 25.0)
+    assert np.isnan(MethodResult("method", "default").prepare_s)
 
 
 def test_wrong_requests_are_refused(drive, small_drive, tmp_path):

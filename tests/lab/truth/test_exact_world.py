@@ -80,8 +80,8 @@ def test_viewpoints_and_targets_lie_in_their_regions():
         nearest = np.abs(returns[:, None] - scan_world).sum(axis=2).min(axis=1)
         assert nearest.max() < 1e-9
         on_beams = query_set.targets[query_set.subsets["free points"]] - SENSOR[:3, 3]
-        ways = on_beams / np.linalg.norm(on_beams, axis=1)[:, None]
-        cosine = ways @ (scan / np.linalg.norm(scan, axis=1)[:, None]).T
+        directions = on_beams / np.linalg.norm(on_beams, axis=1)[:, None]
+        cosine = directions @ (scan / np.linalg.norm(scan, axis=1)[:, None]).T
         np.testing.assert_allclose(cosine.max(axis=1), 1.0, atol=1e-9)
         kinds = [query_set.subsets[name] for name in ("returns", "free points", "anywhere")]
         assert (np.sum(kinds, axis=0) == 1).all()
@@ -93,11 +93,11 @@ def test_labels_agree_with_a_slab_test():
     for query_set in exact_query_sets(inputs_of(scan_of(YARD, SENSOR)), caster_of(YARD), SMALL):
         free = ~query_set.subsets["returns"]
         for target, visible in zip(query_set.targets[free], query_set.visible[free], strict=True):
-            way = target - query_set.viewpoint
+            offset = target - query_set.viewpoint
             enter, leave = 0.0, 1.0
             for axis, (low, high) in enumerate([(8, 16), (-6, 6), (0, 5)]):
                 one, other = sorted(
-                    (bound - query_set.viewpoint[axis]) / way[axis] for bound in (low, high)
+                    (bound - query_set.viewpoint[axis]) / offset[axis] for bound in (low, high)
                 )
                 enter, leave = max(enter, one), min(leave, other)
             assert visible == (enter > leave)

@@ -10,9 +10,11 @@ from intervis.errors import DriveError
 from intervis.lab.truth.paper_graph import (
     GraphScore,
     _averaged,
+    _edges_free,
     graphs_by_exact_world,
     graphs_by_held_out_returns,
 )
+from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.tables import graph_table
 
 WALL = np.array(
@@ -62,6 +64,40 @@ def test_nodes_on_two_sides_of_a_wall_do_not_see_each_other(rng):
     )[0]
     assert 0 < score.edges_visible < 1
     assert score.nodes_visible == 0.5
+
+
+@pytest.mark.parametrize(
+    ("start_x", "stop_x", "expected"),
+    [
+        (9.9, 5.0, True),
+        # ends behind the wall's surface at x = 10, within 0.15 m + 1 % of the start's range, or not
+        (10.24, 5.0, True),
+        (10.26, 5.0, False),
+        (5.0, 10.19, True),
+        (5.0, 10.21, False),
+        # of a short edge no more than a third is ignored at each end
+        (9.80, 10.25, False),
+        (9.86, 10.25, False),
+        (9.88, 10.25, True),
+        (10.14, 9.75, False),
+        (10.12, 9.75, True),
+    ],
+)
+def test_edges_end_on_surfaces_within_range_noise(start_x, stop_x, expected):
+    ends = np.array([[[start_x, 0, 0], [stop_x, 0, 0]]])
+    assert _edges_free(ends, np.zeros(3), caster_of(WALL)).tolist() == [expected]
+
+
+def test_the_tolerance_of_edges_depends_on_the_range_from_the_viewpoint():
+    ends = np.array([[[10.5, 0.0, 0], [5, 0, 0]]])
+    near, far = np.zeros(3), np.array([10.5, 40.0, 0])
+    assert _edges_free(ends, near, caster_of(WALL)).tolist() == [False]
+    assert _edges_free(ends, far, caster_of(WALL)).tolist() == [True]  # 0.15 + 0.40 m
+
+
+def test_an_edge_without_length_is_free():
+    ends = np.full((1, 2, 3), 5.0)
+    assert _edges_free(ends, np.zeros(3), caster_of(WALL)).tolist() == [True]
 
 
 def test_later_poses_are_viewpoints(rng):

@@ -119,6 +119,13 @@ def test_the_maximum_error_ignores_nearly_empty_bins():
     assert bins.max_calibration_error_all_bins == pytest.approx(0.65)
 
 
+@pytest.mark.parametrize(("small", "expected"), [(9, 0.02), (10, 0.65)])
+def test_the_maximum_error_includes_bins_from_one_percent_on(small, expected):
+    labels = np.arange(1000) < small
+    bins = reliability(labels, np.where(labels, 0.35, 0.02))
+    assert bins.max_calibration_error == pytest.approx(expected)
+
+
 @given(answers)
 def test_reliability_keeps_all_points(rows):
     labels, probability = columns(rows)

@@ -26,8 +26,9 @@ NOTE = (
     "MCC: Matthews correlation over all targets, visible from a probability of 0.5 on. Max cal."
     " error: largest calibration error of the reliability diagram, over bins with at least 1 % of"
     ' the targets. Coverage: fraction of targets whose state is not "unknown"; the next three'
-    " columns are over these targets. All are means over the viewpoints. Prepare and answer:"
-    " median times for one viewpoint, ms (blank: included in answer)."
+    " columns are over these targets. Scores are means over the viewpoints, the calibration error"
+    " is that of their pooled bins. Prepare and answer: median times for one viewpoint, ms (blank:"
+    " included in answer)."
 )
 
 GRAPH_HEADINGS = (
