@@ -37,6 +37,10 @@ def test_pairs_are_4_to_16_m_apart(steps, first):
         assert 3.0 <= distance_m(poses[i], poses[j]) <= 20.0
 
 
+def test_two_frames_give_a_pair():
+    assert default_pairs(along([0.0, 4.0])) == ((0, 1),)
+
+
 def test_long_drives_are_covered_from_start_to_end():
     pairs = default_pairs(along(0.8 * np.arange(1000)))
     assert len(pairs) == 24

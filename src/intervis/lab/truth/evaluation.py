@@ -71,7 +71,7 @@ def evaluate_held_out(
     """
     known = checked_protocol(protocol)
     results, labels, target_count = run_methods(
-        _held_out_query_sets(drive, chosen_pairs(drive, pairs), known),
+        held_out_query_sets(drive, chosen_pairs(drive, pairs), known),
         methods or methods_for(known, baselines=baselines),
         progress or silent,
     )
@@ -123,7 +123,7 @@ def evaluate_world(
     """
     known = checked_protocol(protocol)
     results, labels, target_count = run_methods(
-        _world_query_sets(drive, triangles_at, world_frames(drive, frames), known, sampling),
+        world_query_sets(drive, triangles_at, world_frames(drive, frames), known, sampling),
         methods or methods_for(known, baselines=baselines),
         progress or silent,
     )
@@ -181,7 +181,8 @@ def _check_frames(drive: Drive, numbers: Sequence[int]) -> None:
             drive[number]  # raises a DriveError that names the nearest numbers
 
 
-def _held_out_query_sets(drive: Drive, pairs: Pairs, protocol: Protocol) -> QuerySets:
+def held_out_query_sets(drive: Drive, pairs: Pairs, protocol: Protocol) -> QuerySets:
+    """One query set for each pair of frames (i, j); see `evaluate_held_out`."""
     poses, scan_of = _poses(drive), _cached_scans(drive)
     for i, j in pairs:
         labels = held_out_labels(scan_of(i), poses[i], scan_of(j), poses[j])
@@ -204,13 +205,14 @@ def _held_out_query_sets(drive: Drive, pairs: Pairs, protocol: Protocol) -> Quer
         )
 
 
-def _world_query_sets(
+def world_query_sets(
     drive: Drive,
     triangles_at: Callable[[int], Float64Array],
     numbers: Sequence[int],
     protocol: Protocol,
-    sampling: Sampling | None,
+    sampling: Sampling | None = None,
 ) -> QuerySets:
+    """The query sets of frames of a simulated drive; see `evaluate_world`."""
     poses, scan_of = _poses(drive, least=1), _cached_scans(drive)
     for number in numbers:
         allowed = {
