@@ -9,7 +9,7 @@ from intervis.errors import PointsError
 from intervis.lab.truth.scores import (
     area_under_curve,
     average,
-    matthews_correlation,
+    matthews,
     reliability,
     score,
 )
@@ -30,7 +30,7 @@ def test_matthews_from_a_table():
     # TP 6, FN 2, FP 1, TN 3: (6*3 - 1*2) / sqrt(7*8*4*5) = 16 / sqrt(1120)
     labels = np.array([True] * 8 + [False] * 4)
     predicted = np.array([True] * 6 + [False] * 2 + [True] + [False] * 3)
-    assert matthews_correlation(labels, predicted) == pytest.approx(16 / np.sqrt(1120))
+    assert matthews(labels, predicted) == pytest.approx(16 / np.sqrt(1120))
 
 
 @given(answers)
@@ -39,22 +39,22 @@ def test_matthews_is_pearsons_correlation(rows):
     predicted = probability >= 0.5
     assume(0 < labels.sum() < len(labels) and 0 < predicted.sum() < len(predicted))
     expected = np.corrcoef(labels.astype(float), predicted.astype(float))[0, 1]
-    assert matthews_correlation(labels, predicted) == pytest.approx(expected, abs=1e-12)
-    assert matthews_correlation(labels, ~predicted) == pytest.approx(-expected, abs=1e-12)
+    assert matthews(labels, predicted) == pytest.approx(expected, abs=1e-12)
+    assert matthews(labels, ~predicted) == pytest.approx(-expected, abs=1e-12)
 
 
 def test_matthews_of_equal_values():
     both, ones = np.array([True, False]), np.array([True, True])
-    assert matthews_correlation(both, ones) == 0.0
-    assert matthews_correlation(both, ~ones) == 0.0
-    assert np.isnan(matthews_correlation(ones, both))
-    assert np.isnan(matthews_correlation(~ones, both))
-    assert np.isnan(matthews_correlation(ones[:0], ones[:0]))
+    assert matthews(both, ones) == 0.0
+    assert matthews(both, ~ones) == 0.0
+    assert np.isnan(matthews(ones, both))
+    assert np.isnan(matthews(~ones, both))
+    assert np.isnan(matthews(ones[:0], ones[:0]))
 
 
 def test_matthews_of_millions_does_not_overflow():
     labels = np.arange(4_000_000) % 2 == 0
-    assert matthews_correlation(labels, labels) == 1.0
+    assert matthews(labels, labels) == 1.0
 
 
 @given(answers)

@@ -18,7 +18,7 @@ from intervis.lab.truth.exact_world import TOLERANCE_FRACTION, TOLERANCE_M, exac
 from intervis.lab.truth.held_out import held_out_labels
 from intervis.lab.truth.rays import SegmentCaster, caster_of
 from intervis.lab.truth.scores import (
-    matthews_correlation,
+    matthews,
     mean_of_known,
     mean_or_nan,
     number_or_none,
@@ -235,7 +235,7 @@ def _score(
         nodes_visible=mean_or_nan(labels),
         nodes_predicted=mean_or_nan(predictions),
         nodes_precision=mean_or_nan(labels[predictions]),
-        nodes_mcc=matthews_correlation(labels, predictions),
+        nodes_mcc=matthews(labels, predictions),
         **edges,
     )
 

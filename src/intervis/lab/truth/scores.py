@@ -155,13 +155,13 @@ def score(visible: ArrayLike, probability: ArrayLike, state: ArrayLike | None = 
     answered = states != UNKNOWN
     predicted_visible, predicted_occluded = states == VISIBLE, states == OCCLUDED
     return Scores(
-        mcc=matthews_correlation(labels, probabilities >= 0.5),
+        mcc=matthews(labels, probabilities >= 0.5),
         auc=area_under_curve(labels, probabilities),
         brier=mean_or_nan((probabilities - labels) ** 2),
         coverage=mean_or_nan(answered),
         precision_visible=mean_or_nan(labels[predicted_visible]),
         precision_occluded=mean_or_nan(~labels[predicted_occluded]),
-        mcc_answered=matthews_correlation(labels[answered], predicted_visible[answered]),
+        mcc_answered=matthews(labels[answered], predicted_visible[answered]),
         visible_fraction=mean_or_nan(labels),
         count=len(labels),
         reliability=reliability(labels, probabilities),
@@ -192,7 +192,7 @@ def average(scores: Sequence[Scores]) -> Scores:
     )
 
 
-def matthews_correlation(labels: BoolArray, predictions: BoolArray) -> float:
+def matthews(labels: BoolArray, predictions: BoolArray) -> float:
     """Matthews correlation coefficient of two (K,) bool arrays.
 
     0 where all predictions are equal; NaN where all labels are equal, where it is not defined.
@@ -201,7 +201,7 @@ def matthews_correlation(labels: BoolArray, predictions: BoolArray) -> float:
     Examples
     --------
     >>> labels = np.array([True, True, False, False])
-    >>> matthews_correlation(labels, np.array([True, False, False, False]))
+    >>> matthews(labels, np.array([True, False, False, False]))
     0.577...
     """
     total, positive, predicted = len(labels), int(labels.sum()), int(predictions.sum())
