@@ -9,7 +9,7 @@ from yard import YARD, write_drive
 from intervis import open_drive
 from intervis.errors import DriveError, SettingsError
 from intervis.lab.truth.baselines import InputScans
-from intervis.lab.truth.evaluation import evaluate_held_out, evaluate_world
+from intervis.lab.truth.evaluation import _seconds_since, evaluate_held_out, evaluate_world
 from intervis.lab.truth.exact_world import Sampling
 from intervis.lab.truth.methods import Method, Predictions, baseline_methods
 from intervis.lab.truth.query_set import QuerySet
@@ -145,6 +145,13 @@ def test_only_the_nearest_scans_are_given(drive, monkeypatch):
 
     evaluate_held_out(drive, pairs=((0, 9),), protocol="map", methods=[method("record", record)])
     assert given == [(0, 6, 7, 11)]  # 7 and 11 at 2 m, then 6 and 12 at 3 m; scan 0 in any case
+
+
+def test_times_of_the_inputs_are_seconds_after_the_reference():
+    timestamps_ns = {3: 7_000_000_000, 4: 7_500_000_000, 5: 9_000_000_000}
+    assert _seconds_since(timestamps_ns, (3, 5), 4) == (-0.5, 1.5)
+    assert _seconds_since(timestamps_ns, (3, 6), 4) is None
+    assert _seconds_since(timestamps_ns, (3, 5), 6) is None
 
 
 def test_the_best_setting_is_the_one_with_the_highest_mcc(drive):

@@ -5,7 +5,13 @@ import pytest
 from yard import GROUND, SENSOR, YARD, box, scan_of
 
 from intervis.lab.truth.baselines import InputScans
-from intervis.lab.truth.exact_world import Sampling, exact_labels, exact_query_sets, in_the_open
+from intervis.lab.truth.exact_world import (
+    Sampling,
+    _sphere_directions,
+    exact_labels,
+    exact_query_sets,
+    in_the_open,
+)
 from intervis.lab.truth.rays import BuiltInCaster, EmbreeCaster, caster_of
 from intervis.transform import transform
 
@@ -57,6 +63,18 @@ def test_inside_is_not_in_the_open():
     caster = caster_of(YARD)
     points = np.array([[0.0, 0, 1], [12, 0, 1], [12, 0, 6], [7.9, 0, 0.1], [0, 0, -1]])
     assert in_the_open(caster, points).tolist() == [True, False, True, True, False]
+    for point, expected in zip(points, [True, False, True, True, False], strict=True):
+        assert in_the_open(caster, point[None]).tolist() == [expected]
+
+
+def test_directions_are_spread_evenly_over_the_sphere():
+    directions = _sphere_directions(400)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    assert (np.diff(directions[:, 2]) < 0).all()  # from the top
+    apart = np.linalg.norm(directions[:, None] - directions, axis=2) + 9 * np.eye(400)
+    # each direction has 4 pi / 400 of the sphere: a spacing of about 0.18
+    assert 0.12 < apart.min()
+    assert apart.min(axis=1).max() < 0.2
 
 
 def test_viewpoints_and_targets_lie_in_their_regions():

@@ -27,6 +27,13 @@ BEHIND, BEHIND_LEFT = (20.0, -3.0, 1.0), (20.0, 3.0, 1.0)
         ((-20.0, 0.0, 2.2), (-30.0, 0.0, 2.5), True, False),  # beams into the sky return nothing
         (FRONT, (6.0, -3.0, -2.0), False, True),  # into the ground that beams hit
         (FRONT, (6.0, -3.4, 1.0), True, True),  # too short for a sample between its ends
+        # samples every metre from 0.5 m on; behind the house no beam reaches y < 15 at x = 20
+        ((20.0, 25.2, 1.0), (20.0, 13.2, 1.0), True, True),  # one sample, 1 m, is unobserved
+        ((20.0, 25.2, 1.0), (20.0, 12.2, 1.0), True, False),  # two samples
+        ((20.0, 12.2, 1.0), (20.0, 25.2, 1.0), True, False),
+        # nothing of these is observed: 0.5 m at each end are not sampled, 1 m may be unobserved
+        ((20.0, -1.0, 1.0), (20.0, 0.9, 1.0), True, True),
+        ((20.0, -1.0, 1.0), (20.0, 1.2, 1.0), True, False),
     ],
 )
 def test_known_lines(make, start, end, visible, expected):
