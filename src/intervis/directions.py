@@ -1,4 +1,4 @@
-"""Directions around a viewpoint, and which of many lie beside one."""
+"""Directions of points seen from the origin, and the nearest of many directions."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -8,12 +8,12 @@ from intervis.kernels import thread_count
 
 
 def directions(points: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Unit vectors (N, 3) and ranges (N,) of points (N, 3); one at the origin points upwards."""
+    """Unit vectors (N, 3) and ranges (N,) of points (N, 3); (0, 0, 1) for a point at the origin."""
     range_m = np.sqrt(np.einsum("ij,ij->i", points, points))
-    away = range_m > 0
-    ways = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    ways[away] = points[away] / range_m[away, None]
-    return ways, range_m
+    known = range_m > 0
+    unit = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    unit[known] = points[known] / range_m[known, None]
+    return unit, range_m
 
 
 def chord(angle_deg: float) -> float:
@@ -22,21 +22,36 @@ def chord(angle_deg: float) -> float:
 
 
 def nearest_directions(
-    ways: Float64Array, asked: Float64Array, count: int, within_deg: float
+    candidates: Float64Array, queries: Float64Array, count: int, within_deg: float
 ) -> tuple[Float64Array, IntArray]:
-    """Chord distance and row (K, count) of the directions nearest to each asked one.
+    """The candidate directions nearest to each query direction.
 
-    Nearest first; where there are fewer within the angle, infinite and ``len(ways)``.
+    Parameters
+    ----------
+    candidates, queries : (N, 3), (K, 3) float64 arrays
+        Unit vectors.
+    count : int
+        Number of neighbours of each query.
+    within_deg : float
+        Candidates at this angle or farther are no neighbours.
+
+    Returns
+    -------
+    distance : (K, count) float64 array
+        Chord distances, ascending; infinite where there are fewer neighbours.
+    row : (K, count) int array
+        Rows of the candidates; N where there are fewer neighbours.
 
     Examples
     --------
-    >>> ways = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    >>> nearest_directions(ways, ways[:1], 2, within_deg=1.0)
+    >>> candidates = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> nearest_directions(candidates, candidates[:1], 2, within_deg=1.0)
     (array([[ 0., inf]]), array([[0, 2]]))
     """
-    # Beams and asked directions both lie along rings: neighbours stay in the cache.
-    tree = cKDTree(ways, balanced_tree=False, compact_nodes=False)
+    # Beams are ordered along rings. An unbalanced tree keeps this order, so that consecutive
+    # queries read memory that is still in the processor's cache.
+    tree = cKDTree(candidates, balanced_tree=False, compact_nodes=False)
     distance, row = tree.query(
-        asked, k=count, distance_upper_bound=chord(within_deg), workers=thread_count()
+        queries, k=count, distance_upper_bound=chord(within_deg), workers=thread_count()
     )
     return distance, row

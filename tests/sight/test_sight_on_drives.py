@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import rankdata
 
 from intervis.drives import open_drive
-from intervis.lab.truth.held_out import judge
+from intervis.lab.truth.held_out import held_out_labels
 from intervis.sight import OCCLUDED, VISIBLE, Scene
 from intervis.transform import transform
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.realdata
 def asked(drive, i, j, every=10):
     """Targets in the world's frame, viewpoint, and what scan j says about them."""
     one, other = drive[i], drive[j]
-    said = judge(one.points, one.pose, other.points, other.pose)
+    said = held_out_labels(one.points, one.pose, other.points, other.pose)
     index, visible = said.index[::every], said.visible[::every]
     return transform(one.pose, one.points[index]), other.pose[:3, 3], visible
 

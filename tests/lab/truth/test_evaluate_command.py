@@ -9,13 +9,12 @@ from yard import YARD, write_drive
 
 from intervis.errors import DriveError, IntervisError, OutputError, SettingsError
 from intervis.lab.cli.evaluate import evaluate
-from intervis.lab.truth import evaluate as evaluating
-from intervis.lab.truth.baselines import Seen
-from intervis.lab.truth.methods import Answers, Method
-from intervis.lab.truth.query_set import Question
+from intervis.lab.truth.baselines import InputScans
+from intervis.lab.truth.methods import Method, Predictions
+from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.reliability_plot import reliability_figure
-from intervis.lab.truth.scoring import Evaluation, Row
+from intervis.lab.truth.results import EvaluationResult, MethodResult
 from intervis.lab.truth.tables import accuracy_table
 
 
@@ -29,20 +28,21 @@ def drive(tmp_path):
 
 @pytest.fixture
 def known_methods(monkeypatch):
-    def ask(seen, viewpoint, targets):
+    def cast(inputs, viewpoint, targets):
         distance = np.linalg.norm(targets - viewpoint, axis=1)
         blocked = caster_of(YARD).blocked(viewpoint, targets, slack_m=0.15 + 0.01 * distance)
-        sure = np.where(blocked, 0.1, 0.9)
-        return Answers(sure, np.where(np.arange(len(sure)) % 4 == 0, -1, ~blocked), 0.01, 0.002)
+        probability = np.where(blocked, 0.1, 0.9)
+        state = np.where(np.arange(len(targets)) % 4 == 0, -1, ~blocked)
+        return Predictions(probability, state, 0.01, 0.002)
 
-    def guess(seen, viewpoint, targets):
-        return Answers(np.ones(len(targets)), None, 0.0, 0.5)
+    def constant(inputs, viewpoint, targets):
+        return Predictions(np.ones(len(targets)), None, 0.0, 0.5)
 
-    def methods_for(protocol, *, rivals):
-        others = [Method("guess", "always", guess)] if rivals else []
-        return [Method("intervis", "default", ask), *others]
+    def methods_for(protocol, *, baselines):
+        others = [Method("constant", "visible", constant)] if baselines else []
+        return [Method("intervis", "default", cast), *others]
 
-    monkeypatch.setattr(evaluating, "methods_for", methods_for)
+    monkeypatch.setattr("intervis.lab.truth.evaluation.methods_for", methods_for)
 
 
 def command(*arguments):
@@ -56,35 +56,35 @@ def test_table_and_json(drive, known_methods, tmp_path, capsys):
     command(drive, "--pairs", "0:5,5:0", "--rivals", "--json", file)
     shown = capsys.readouterr().out
     assert "yard: held-out returns, protocol single, 2 viewpoints" in shown
-    assert "guess (always)" in shown
+    assert "constant (visible)" in shown
     assert "0:5" in shown
     content = json.loads(file.read_text())
     assert content["drive"]["frames"] == 6
     (evaluation,) = content["evaluations"]
-    ours, guess = evaluation["rows"]
-    assert ours["mean"]["mcc"] > 0.95
-    assert ours["mean"]["coverage"] == pytest.approx(0.75, abs=0.01)
-    assert guess["mean"]["mcc"] == 0.0
-    assert guess["mean"]["precision_occluded"] is None
-    assert f"{ours['mean']['mcc']:.3f}" in shown
+    engine, constant = evaluation["results"]
+    assert engine["mean"]["mcc"] > 0.95
+    assert engine["mean"]["coverage"] == pytest.approx(0.75, abs=0.01)
+    assert constant["mean"]["mcc"] == 0.0
+    assert constant["mean"]["precision_occluded"] is None
+    assert f"{engine['mean']['mcc']:.3f}" in shown
 
 
-def test_without_rivals_only_ours(drive, known_methods, capsys):
+def test_without_baselines_there_is_the_engine_only(drive, known_methods, capsys):
     command(drive, "--pairs", "0:5", "--protocol", "map")
     shown = capsys.readouterr().out
     assert "protocol map" in shown
-    assert "guess" not in shown
+    assert "constant" not in shown
 
 
-def test_a_short_simulated_drive_is_asked_about_its_world(known_methods, tmp_path, capsys):
+def test_a_short_simulated_drive_is_compared_with_its_world_only(known_methods, tmp_path, capsys):
     from intervis.lab.worlds import simulate
 
     source = simulate(tmp_path / "street", frames=2, images=False)
     command(source)
-    told = capsys.readouterr()
-    assert "exact world, rays by Embree" in told.out
-    assert "free points" in told.out
-    assert "held-out returns are left out" in told.err
+    output = capsys.readouterr()
+    assert "exact world, rays by Embree" in output.out
+    assert "free points" in output.out
+    assert "against held-out returns is skipped" in output.err
     (source / "poses.txt").unlink()
     with pytest.raises(DriveError):
         command(source)
@@ -95,7 +95,7 @@ def test_a_short_simulated_drive_is_asked_about_its_world(known_methods, tmp_pat
     [
         (["--pairs", "0-5"], SettingsError, "0:5,0:10"),
         (["--pairs", "0:77"], DriveError, "no frame 77"),
-        (["--pairs", "2:2"], DriveError, "judge itself"),
+        (["--pairs", "2:2"], DriveError, "own reference"),
         (["--protocol", "all"], SettingsError, "single, past, map"),
         (["--json", "/nowhere/at/all.json"], OutputError, "no folder"),
         (["--json", "."], OutputError, "is a folder"),
@@ -128,12 +128,14 @@ def test_the_reliability_plot_is_a_picture(drive, known_methods, tmp_path, capsy
 
 
 def evaluation_of(probability, visible):
-    seen = Seen((), (), (), 0, 1)
+    inputs = InputScans((), (), (), 0, 1)
     points = np.zeros((len(visible), 3))
-    question = Question("0:1", seen, np.zeros(3), points, np.array(visible))
-    row = Row("intervis", "default")
-    row.take(question, Answers(np.array(probability), None, 0.0, 0.001))
-    return Evaluation("drive", "held-out returns", "single", ("0:1",), len(visible), (row,))
+    query_set = QuerySet("0:1", inputs, np.zeros(3), points, np.array(visible))
+    result = MethodResult("intervis", "default")
+    result.add(query_set, Predictions(np.array(probability), None, 0.0, 0.001))
+    return EvaluationResult(
+        "drive", "held-out returns", "single", ("0:1",), len(visible), (result,)
+    )
 
 
 def test_the_plot_shows_the_bins():
@@ -146,9 +148,9 @@ def test_the_plot_shows_the_bins():
     np.testing.assert_allclose(dots, [[0.05, 0], [0.15, 0], [0.95, 0.5]])
 
 
-def test_what_is_not_known_is_a_dash():
+def test_nan_is_a_dash():
     table = accuracy_table(evaluation_of([0.9, 0.8], [True, True]))
-    assert table.rows[0][1] == "-"  # a correlation with a truth of one kind
+    assert table.rows[0][1] == "-"  # all labels are equal: no correlation
     assert table.rows[0][3] == "0.025"
 
 
@@ -156,7 +158,7 @@ def test_the_graph_and_markdown(drive, known_methods, tmp_path, capsys):
     file, page = tmp_path / "accuracy.json", tmp_path / "accuracy.md"
     command(drive, "--pairs", "0:5", "--graph", "--json", file, "--markdown", page)
     shown = capsys.readouterr().out
-    assert "The paper's graph judged by held-out returns" in shown
+    assert "The paper's graph compared with held-out returns" in shown
     graphs = json.loads(file.read_text())["graphs"]["held-out returns"]
     assert {score["criterion"] for score in graphs} == {"elevation", "sight_angle", "sight_line"}
     assert {score["tau"] for score in graphs} == {35, 10, 1}

@@ -1,4 +1,4 @@
-"""The judge against cases made by hand and against a double that compares every pair."""
+"""Held-out labels against hand-made cases and a brute-force implementation."""
 
 import math
 
@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intervis.errors import PointsError, PoseError
-from intervis.lab.truth.held_out import Judgement, judge
+from intervis.lab.truth.held_out import HeldOutLabels, held_out_labels
 from intervis.transform import rigid, transform
 
 HERE = np.eye(4)
@@ -25,16 +25,16 @@ def at(azimuth_deg, range_m, elevation_deg=0.0):
     )
 
 
-def verdict(point, beams):
-    """True, False or None (not judged) for one point, from the same pose."""
-    answer = judge(np.array([point]), HERE, np.array(beams), HERE)
-    return None if len(answer.index) == 0 else bool(answer.visible[0])
+def label(point, beams):
+    """True, False or None (no label) for one point, both scans at the same pose."""
+    labels = held_out_labels(np.array([point]), HERE, np.array(beams), HERE)
+    return None if len(labels.index) == 0 else bool(labels.visible[0])
 
 
 def brute_force(points_i, pose_i, points_j, pose_j):
-    """Truth B in plain Python, every point against every beam; {row: visible}."""
+    """The same rule in plain Python, every point against every beam; {row: visible}."""
     to_j = np.linalg.inv(pose_j) @ pose_i
-    said = {}
+    labels = {}
     for row, point in enumerate(points_i):
         q = to_j[:3, :3] @ point + to_j[:3, 3]
         r = math.dist(q, (0, 0, 0))
@@ -48,10 +48,10 @@ def brute_force(points_i, pose_i, points_j, pose_j):
         if not beside or beside[0][0] >= 0.15:
             continue
         if any(abs(length - r) < 0.15 + 0.01 * r for _, length in beside):
-            said[row] = True
+            labels[row] = True
         elif len(beside) >= 2 and all(length < r - (1 + 0.02 * r) for _, length in beside):
-            said[row] = False
-    return said
+            labels[row] = False
+    return labels
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def brute_force(points_i, pose_i, points_j, pose_j):
         (20.0, [18.61, 18.61], None),
         (20.0, [18.59, 18.61], None),
         (20.0, [5.0, 5.0, 20.1], True),  # one beam reaches it
-        (20.0, [5.0, 5.0, 30.0], None),  # one passes it by
+        (20.0, [5.0, 5.0, 30.0], None),  # one passes it
         (20.0, [30.0, 30.0], None),
         (20.0, [], None),
         (2.69, [2.69], None),
@@ -78,33 +78,33 @@ def brute_force(points_i, pose_i, points_j, pose_j):
 )
 def test_one_direction(range_m, beam_ranges, expected):
     beams = [at(30.0, r) for r in beam_ranges] + [at(200.0, 9.0)]
-    assert verdict(at(30.0, range_m), beams) is expected
+    assert label(at(30.0, range_m), beams) is expected
 
 
 @pytest.mark.parametrize(
     ("angles", "expected"),
     [
         ([0.149], True),
-        ([0.151], None),  # the nearest is too far off
+        ([0.151], None),  # the nearest is too far away in angle
         ([0.151, 0.01], True),
         ([0.249, 0.01], True),
     ],
 )
 def test_angles(angles, expected):
     # all beams end on the point's range; the angle alone decides
-    assert verdict(at(0, 10.0), [at(angle, 10.0) for angle in angles]) is expected
+    assert label(at(0, 10.0), [at(angle, 10.0) for angle in angles]) is expected
 
 
 def test_far_beam_counts_only_within_a_quarter_degree():
     # the nearest beam goes far beyond; one on the point decides while it is within 0.25 degrees
-    assert verdict(at(0, 10.0), [at(0.05, 50.0), at(0, 10.0, 0.249)]) is True
-    assert verdict(at(0, 10.0), [at(0.05, 50.0), at(0, 10.0, 0.251)]) is None
+    assert label(at(0, 10.0), [at(0.05, 50.0), at(0, 10.0, 0.249)]) is True
+    assert label(at(0, 10.0), [at(0.05, 50.0), at(0, 10.0, 0.251)]) is None
 
 
 def test_only_the_eight_nearest_beams_count():
     eight = [at(0, 4.0, 0.01 * k) for k in range(8)]
-    assert verdict(at(0, 10.0), [*eight, at(0.2, 10.0)]) is False
-    assert verdict(at(0, 10.0), [*eight[:7], at(0.2, 10.0)]) is True
+    assert label(at(0, 10.0), [*eight, at(0.2, 10.0)]) is False
+    assert label(at(0, 10.0), [*eight[:7], at(0.2, 10.0)]) is True
 
 
 def test_viewpoint_and_range_are_in_frame_i():
@@ -112,40 +112,42 @@ def test_viewpoint_and_range_are_in_frame_i():
     pose_j = rigid(np.eye(3), [100.0, 56.0, 1.0])
     target_world = np.array([[110.0, 56.0, 1.0]])
     points_i = transform(np.linalg.inv(pose_i), target_world)
-    answer = judge(points_i, pose_i, np.array([[10.0, 0.0, 0.0]]), pose_j)
-    np.testing.assert_allclose(answer.viewpoint_i, [6.0, 0.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(answer.range_m, [10.0])
-    assert answer.visible.tolist() == [True]
+    labels = held_out_labels(points_i, pose_i, np.array([[10.0, 0.0, 0.0]]), pose_j)
+    np.testing.assert_allclose(labels.viewpoint_i, [6.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(labels.range_m, [10.0])
+    assert labels.visible.tolist() == [True]
 
 
-def test_rows_without_a_direction_are_passed_over():
+def test_rows_without_a_direction_are_ignored():
     points = np.array([[np.nan, 0, 0], [np.inf, 0, 0], [0, 0, 0], [10.0, 0, 0]])
-    answer = judge(points, HERE, points, HERE)
-    assert answer.index.tolist() == [3]
+    labels = held_out_labels(points, HERE, points, HERE)
+    assert labels.index.tolist() == [3]
 
 
 @pytest.mark.parametrize("empty", ["i", "j"])
-def test_nothing_to_judge(empty):
+def test_empty_scans_give_no_labels(empty):
     one, none = np.array([[10.0, 0, 0]]), np.empty((0, 3))
-    answer = judge(none if empty == "i" else one, HERE, none if empty == "j" else one, HERE)
-    assert isinstance(answer, Judgement)
-    assert answer.index.shape == answer.visible.shape == answer.range_m.shape == (0,)
-    assert answer.visible.dtype == bool
+    labels = held_out_labels(
+        none if empty == "i" else one, HERE, none if empty == "j" else one, HERE
+    )
+    assert isinstance(labels, HeldOutLabels)
+    assert labels.index.shape == labels.visible.shape == labels.range_m.shape == (0,)
+    assert labels.visible.dtype == bool
 
 
 def test_bad_input_is_refused():
     good = np.zeros((2, 3))
     with pytest.raises(PointsError, match="points_j"):
-        judge(good, HERE, np.zeros((2, 2)), HERE)
+        held_out_labels(good, HERE, np.zeros((2, 2)), HERE)
     with pytest.raises(PoseError, match="pose_i"):
-        judge(good, 2 * HERE, good, HERE)
+        held_out_labels(good, 2 * HERE, good, HERE)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=30, deadline=None)
-def test_the_same_as_comparing_every_pair(seed):
+def test_labels_equal_brute_force(seed):
     rng = np.random.default_rng(seed)
-    # a dense patch of directions, so that every rule is met; ranges on two sheets and between
+    # a dense patch of directions, so that every rule applies; ranges on two surfaces and between
     azimuth, elevation = rng.uniform(-1.5, 1.5, (2, 150))
     ranges = rng.choice([6.0, 20.0, 20.3, 40.0], 150) * rng.uniform(0.98, 1.02, 150)
     points = np.array([at(*a) for a in zip(azimuth, ranges, elevation, strict=True)])
@@ -155,22 +157,22 @@ def test_the_same_as_comparing_every_pair(seed):
     world = transform(pose_j, points * rng.choice([1.0, 1.002, 0.8, 1.3], (150, 1)))
     points_i = transform(np.linalg.inv(pose_i), world + rng.normal(0, 0.01, (150, 3)))
     points_j = points[rng.random(150) < 0.7]
-    answer = judge(points_i, pose_i, points_j, pose_j)
+    labels = held_out_labels(points_i, pose_i, points_j, pose_j)
     expected = brute_force(points_i, pose_i, points_j, pose_j)
-    assert dict(zip(answer.index.tolist(), answer.visible.tolist(), strict=True)) == expected
+    assert dict(zip(labels.index.tolist(), labels.visible.tolist(), strict=True)) == expected
 
 
-def test_the_random_cases_meet_every_verdict():
+def test_the_random_cases_give_every_label():
     rng = np.random.default_rng(0)
     counts = {True: 0, False: 0, None: 0}
     for _ in range(200):
         beams = [at(*rng.uniform(-0.3, 0.3, 1), rng.choice([6.0, 20.0])) for _ in range(3)]
-        counts[verdict(at(0, 20.0), beams)] += 1
+        counts[label(at(0, 20.0), beams)] += 1
     assert min(counts.values()) > 10
 
 
 def test_inputs_are_not_changed():
     points = np.array([[10.0, 0, 0], [0, 10.0, 0]])
     before = points.copy()
-    judge(points, HERE, points, HERE)
+    held_out_labels(points, HERE, points, HERE)
     np.testing.assert_array_equal(points, before)

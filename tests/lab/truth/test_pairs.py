@@ -1,4 +1,4 @@
-"""Which frames judge which."""
+"""Default pairs of frames, and pairs parsed from text."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from intervis import open_drive
 from intervis.errors import DriveError, SettingsError
-from intervis.lab.truth.pairs import default_pairs, parsed_pairs, posed
+from intervis.lab.truth.pairs import checked_poses, default_pairs, parsed_pairs
 from intervis.lab.truth.protocols import distance_m
 from intervis.transform import rigid
 
@@ -19,7 +19,7 @@ def along(x_m, first=0):
 
 
 @pytest.mark.realdata
-def test_the_public_pairs_fall_out_of_the_rule(shared_data):
+def test_the_public_pairs_are_the_default_pairs(shared_data):
     drive = open_drive(shared_data / "pcd_drive")
     assert default_pairs(drive.poses) == PUBLIC
 
@@ -37,14 +37,18 @@ def test_pairs_are_4_to_16_m_apart(steps, first):
         assert 3.0 <= distance_m(poses[i], poses[j]) <= 20.0
 
 
-def test_long_drives_are_asked_all_along():
+def test_two_frames_give_a_pair():
+    assert default_pairs(along([0.0, 4.0])) == ((0, 1),)
+
+
+def test_long_drives_are_covered_from_start_to_end():
     pairs = default_pairs(along(0.8 * np.arange(1000)))
     assert len(pairs) == 24
     assert min(min(pair) for pair in pairs) == 0
     assert max(max(pair) for pair in pairs) > 970
 
 
-def test_a_drive_that_stands_has_no_pairs():
+def test_a_standing_drive_has_no_pairs():
     assert default_pairs(along(np.zeros(50))) == ()
     assert default_pairs(along([0.0])) == ()
     assert default_pairs({}) == ()
@@ -57,6 +61,6 @@ def test_wrong_pairs_are_refused(text):
 
 
 @pytest.mark.parametrize("poses", [None, {}, {3: np.eye(4)}])
-def test_without_poses_nothing_is_judged(poses):
+def test_poses_are_required(poses):
     with pytest.raises(DriveError, match=r"poses\.txt"):
-        posed(poses, "drive")
+        checked_poses(poses, "drive")

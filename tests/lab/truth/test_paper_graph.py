@@ -1,4 +1,4 @@
-"""The paper's graph against worlds whose answers are known without any casting."""
+"""Scores of the paper's graph in worlds whose labels are known without ray casting."""
 
 from types import SimpleNamespace
 
@@ -10,9 +10,11 @@ from intervis.errors import DriveError
 from intervis.lab.truth.paper_graph import (
     GraphScore,
     _averaged,
+    _edges_free,
     graphs_by_exact_world,
     graphs_by_held_out_returns,
 )
+from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.tables import graph_table
 
 WALL = np.array(
@@ -28,7 +30,7 @@ def facing(x_m, count, rng):
 
 
 def drive_of(scans, poses):
-    """A stand-in with the four things that are asked of a drive."""
+    """A stub with the attributes of a drive that the scores use."""
 
     class Stand(SimpleNamespace):
         def __getitem__(self, number):
@@ -43,8 +45,8 @@ def at(x_m):
     return pose
 
 
-def test_a_wall_between_hides_every_node_behind_it(rng):
-    # A scan of what lies behind a wall cannot be; made by hand, it shows that rays are asked.
+def test_a_wall_occludes_every_node_behind_it(rng):
+    # No scanner returns points behind a wall; hand-made ones show that rays decide the labels.
     drive = drive_of({0: facing(20.0, 300, rng), 1: facing(9.0, 300, rng)}, {0: at(0), 1: at(0)})
     behind, before = (
         graphs_by_exact_world(drive, lambda number: WALL, [n], later=(), taus=(5,))[0]
@@ -64,24 +66,58 @@ def test_nodes_on_two_sides_of_a_wall_do_not_see_each_other(rng):
     assert score.nodes_visible == 0.5
 
 
+@pytest.mark.parametrize(
+    ("start_x", "stop_x", "expected"),
+    [
+        (9.9, 5.0, True),
+        # ends behind the wall's surface at x = 10, within 0.15 m + 1 % of the start's range, or not
+        (10.24, 5.0, True),
+        (10.26, 5.0, False),
+        (5.0, 10.19, True),
+        (5.0, 10.21, False),
+        # of a short edge no more than a third is ignored at each end
+        (9.80, 10.25, False),
+        (9.86, 10.25, False),
+        (9.88, 10.25, True),
+        (10.14, 9.75, False),
+        (10.12, 9.75, True),
+    ],
+)
+def test_edges_end_on_surfaces_within_range_noise(start_x, stop_x, expected):
+    ends = np.array([[[start_x, 0, 0], [stop_x, 0, 0]]])
+    assert _edges_free(ends, np.zeros(3), caster_of(WALL)).tolist() == [expected]
+
+
+def test_the_tolerance_of_edges_depends_on_the_range_from_the_viewpoint():
+    ends = np.array([[[10.5, 0.0, 0], [5, 0, 0]]])
+    near, far = np.zeros(3), np.array([10.5, 40.0, 0])
+    assert _edges_free(ends, near, caster_of(WALL)).tolist() == [False]
+    assert _edges_free(ends, far, caster_of(WALL)).tolist() == [True]  # 0.15 + 0.40 m
+
+
+def test_an_edge_without_length_is_free():
+    ends = np.full((1, 2, 3), 5.0)
+    assert _edges_free(ends, np.zeros(3), caster_of(WALL)).tolist() == [True]
+
+
 def test_later_poses_are_viewpoints(rng):
     drive = drive_of({0: facing(9.0, 100, rng)}, {0: at(0), 5: at(4.0)})
     scores = graphs_by_exact_world(drive, lambda number: WALL, [0], later=(5, 7), taus=(5,))
     assert {s.viewpoint for s in scores} == {"sensor", "5 frames later"}
 
 
-def test_held_out_returns_judge_the_nodes(rng):
-    """Scan 1 is taken from the same place: it sees the wall again, and nothing behind it."""
+def test_held_out_returns_label_the_nodes(rng):
+    """Scan 1 is taken from the same pose: it holds the wall again, and nothing behind it."""
     wall, behind = facing(10.0, 4000, rng), facing(20.0, 400, rng)
     drive = drive_of({0: np.vstack([wall, behind]), 1: wall}, {0: at(0), 1: at(0)})
     score = graphs_by_held_out_returns(drive, [(0, 1)], taus=(1,), criteria=("sight_line",))[0]
     assert 0.5 < score.nodes_visible < 1.0
-    assert score.nodes_right == 1.0  # nothing behind the wall is called intervisible
+    assert score.nodes_precision == 1.0  # nothing behind the wall is called intervisible
     assert score.nodes_mcc > 0
     assert np.isnan(score.edges_visible)
 
 
-def test_poses_are_needed(rng):
+def test_poses_are_required(rng):
     drive = drive_of({0: facing(9.0, 10, rng), 1: facing(9.0, 10, rng)}, {})
     with pytest.raises(DriveError, match="need poses"):
         graphs_by_held_out_returns(drive, [(0, 1)])
@@ -89,17 +125,17 @@ def test_poses_are_needed(rng):
         graphs_by_exact_world(drive, lambda number: WALL, [0])
 
 
-def test_means_pass_over_what_is_not_known():
+def test_means_leave_nan_out():
     one = GraphScore("sensor", "elevation", 35, 10, 1.0, 0.5, 1.0, np.nan)
     two = GraphScore("sensor", "elevation", 35, 20, 0.8, 0.7, 0.9, 0.2, 5, 0.6, 0.5, 0.7)
     mean = _averaged([one, two])[0]
     assert (mean.nodes, mean.nodes_visible, mean.nodes_mcc) == (15, 0.9, 0.2)
-    assert (mean.edges, mean.edges_right) == (5, 0.7)
+    assert (mean.edges, mean.edges_precision) == (5, 0.7)
 
 
-def test_what_is_not_known_is_null_in_json_and_a_dash_in_the_table():
+def test_nan_is_null_in_json_and_a_dash_in_the_table():
     score = GraphScore("pose j", "elevation", 35, 10, 0.7, 0.5, 0.8, np.nan)
-    assert score.to_json()["nodes_right"] == 0.8
+    assert score.to_json()["nodes_precision"] == 0.8
     assert score.to_json()["nodes_mcc"] is score.to_json()["edges"] is None
     text = graph_table("held-out returns", [score]).as_text()
     assert "80.0%" in text

@@ -1,4 +1,4 @@
-"""A yard of known triangles: flat ground and a house, and scans of it."""
+"""The yard: a world of known triangles, flat ground and a house, and simulated scans of it."""
 
 import numpy as np
 
@@ -17,8 +17,8 @@ def box(low, high):
     return np.concatenate(
         [
             face
-            for a, b, across in [(x, y, z), (y, z, x), (z, x, y)]
-            for face in (rectangle(low, a, b), rectangle(low + across, a, b))
+            for a, b, offset in [(x, y, z), (y, z, x), (z, x, y)]
+            for face in (rectangle(low, a, b), rectangle(low + offset, a, b))
         ]
     )
 
@@ -34,16 +34,16 @@ def scan_of(triangles, pose, noise_m=0.0, step_deg=1.5):
     azimuth = np.radians(np.arange(0, 360, step_deg))
     elevation = np.radians(np.arange(-25, 3, step_deg * 2 / 3))
     a, e = (grid.ravel() for grid in np.meshgrid(azimuth, elevation))
-    ways = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    directions = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     start = pose[:3, 3]
-    reach = caster_of(triangles).first_hit(start, start + 100 * ways)
+    reach = caster_of(triangles).first_hit(start, start + 100 * directions)
     reach += noise_m * rng.normal(size=len(reach))
     hit = np.isfinite(reach)
-    return transform(inverse(pose), start + ways[hit] * reach[hit, None])
+    return transform(inverse(pose), start + directions[hit] * reach[hit, None])
 
 
 def write_drive(folder, triangles, x_m, *, step_deg=1.5):
-    """A folder of scans with poses: the sensor stands at each x, 1.7 m over the ground."""
+    """A folder of scans with poses: the sensor is at each x, 1.7 m above the ground."""
     lines = []
     for number, x in enumerate(x_m):
         pose = rigid(np.eye(3), [x, 0.0, 1.7])

@@ -12,9 +12,8 @@ from intervis.lab.calibrate import curves, probability
 from intervis.lab.calibrate.line_set import QueryLines, SampleTable, query_lines, sample_table
 from intervis.lab.calibrate.outcome import Outcome, versions
 from intervis.lab.calibrate.plan import STREET, Input, Plan, Stage, opened
-from intervis.lab.truth import exact
-from intervis.lab.truth.evaluate import _held_out_questions, _poses, _world_questions
-from intervis.lab.truth.query_set import Question
+from intervis.lab.truth.evaluation import held_out_query_sets, world_query_sets
+from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.worlds import load_world
 from intervis.progress import Progress, silent
 from intervis.sight import occupancy_model as model
@@ -155,22 +154,17 @@ def _queries(
             continue
         with opened(given.drive, data) as drive:
             for protocol in given.protocols:
-                for question in _questions(drive, given, stage, protocol):
-                    yield query_lines(question, count, rng)
+                for query_set in _query_sets(drive, given, stage, protocol):
+                    yield query_lines(query_set, count, rng)
                 report(f"{stage}: {given.drive}, {protocol}")
 
 
-def _questions(drive: Drive, given: Input, stage: Stage, protocol: Any) -> Iterator[Question]:
+def _query_sets(drive: Drive, given: Input, stage: Stage, protocol: Any) -> Iterator[QuerySet]:
     if stage != "thresholds":
-        yield from _held_out_questions(drive, given.frame_pairs, protocol)
+        yield from held_out_query_sets(drive, given.frame_pairs, protocol)
         return
     world = load_world(drive.root)
     frames = sorted({i for i, _ in given.frame_pairs})
-    yield from _world_questions(
-        drive,
-        _poses(drive),
-        lambda number: world.triangles_at_frame(number)[0],
-        frames,
-        protocol,
-        exact.Sampling(),
+    yield from world_query_sets(
+        drive, lambda number: world.triangles_at_frame(number)[0], frames, protocol
     )

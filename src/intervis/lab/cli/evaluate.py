@@ -1,4 +1,4 @@
-"""``intervis evaluate``: how often the sight lines are right."""
+"""``intervis evaluate``: the accuracy of sight lines against ground truth."""
 
 import json
 import tempfile
@@ -18,11 +18,12 @@ if TYPE_CHECKING:
     from intervis.lab.truth.pairs import Pairs
     from intervis.lab.truth.paper_graph import GraphScore
     from intervis.lab.truth.protocols import Protocol
-    from intervis.lab.truth.scoring import Evaluation
+    from intervis.lab.truth.results import EvaluationResult
+    from intervis.lab.worlds.recording import RecordedWorld
     from intervis.plots.tables import Table
 
 STREET, STREET_FRAMES = "street", 24
-"""Name of the built-in world as a source, and how many frames of it are made."""
+"""Name of the built-in world as a source, and the number of frames that are simulated."""
 
 
 def evaluate(
@@ -33,50 +34,55 @@ def evaluate(
         str | None,
         typer.Option(
             metavar="I:J,...",
-            help="Frame numbers: scan I is asked about from the pose of J, and scan J judges."
-            " Without it: pairs 4 to 16 m apart.",
+            help="Frame numbers: the points of scan I are the targets, the pose of J is the"
+            " viewpoint, scan J is the reference. Default: pairs 4 to 16 m apart.",
         ),
     ] = None,
     protocol: Annotated[
         str,
         typer.Option(
             metavar="single|past|map",
-            help="What may be seen: scan I; all scans up to I; all taken 2 m or more from J.",
+            help="The scans that a method gets: scan I; all scans up to I; all scans taken 2 m"
+            " or farther from J.",
         ),
     ] = "single",
-    rivals: Annotated[
-        bool, typer.Option("--rivals", help="Ask today's tools as well, at several settings.")
+    baselines: Annotated[
+        bool, typer.Option("--rivals", help="Evaluate the baselines too, at several settings.")
     ] = False,
     graph: Annotated[
-        bool, typer.Option("--graph", help="Judge the graph of the paper's method as well.")
+        bool, typer.Option("--graph", help="Evaluate the graph of the paper's method too.")
     ] = False,
     every_setting: Annotated[
-        bool, typer.Option("--every-setting", help="Show every setting, not the best ones alone.")
+        bool,
+        typer.Option("--every-setting", help="Show all settings of a method, not the best only."),
     ] = False,
     json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write everything measured.")
+        Path | None, typer.Option("--json", metavar="FILE", help="Write all results as JSON.")
     ] = None,
     markdown: Annotated[
         Path | None, typer.Option(metavar="FILE.md", help="Write the tables as Markdown.")
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw the reliability plot.")
+        Path | None, typer.Option(metavar="FILE.png", help="Draw the reliability diagram.")
     ] = None,
 ) -> None:
-    """Measure how often sight lines are right, against held-out returns and exact worlds.
+    """Measure the accuracy of sight lines, against held-out returns and exact worlds.
 
-    A scan that the method never sees says what was visible from where it was taken. Where SOURCE
-    is a simulated drive, rays cast at its known triangles say so, too.
+    The returns of a held-out scan show which points are visible from its pose. For a simulated
+    drive, rays cast at its known triangles give the ground truth as well.
     """
     from intervis.lab.truth.pairs import parsed_pairs
     from intervis.lab.truth.protocols import checked_protocol
 
-    known, asked = checked_protocol(protocol), parsed_pairs(pairs) if pairs is not None else None
+    checked = checked_protocol(protocol)
+    requested = parsed_pairs(pairs) if pairs is not None else None
     for path in (json_file, markdown, plot):
         options.check_output_file(path)
     with _opened(source) as drive:
-        evaluations = _evaluations(drive, asked, known, rivals)
-        graphs = _graphs(drive, asked) if graph else {}
+        world = _world_of(drive)
+        chosen = _pairs(drive, requested, world)
+        evaluations = _evaluations(drive, chosen, world, checked, baselines)
+        graphs = _graphs(drive, chosen, world) if graph else {}
         identity = drive.fingerprint()
     tables = _tables(evaluations, graphs, every_setting)
     for table in tables:
@@ -88,12 +94,12 @@ def evaluate(
         show(f"Tables: {markdown}")
     if json_file is not None:
         _write_json(json_file, identity, evaluations, graphs)
-        show(f"Measured: {json_file}")
+        show(f"Results: {json_file}")
     if plot is not None:
         from intervis.lab.truth.reliability_plot import save_reliability
 
         save_reliability(evaluations, plot)
-        show(f"Picture: {plot}")
+        show(f"Reliability diagram: {plot}")
 
 
 @contextmanager
@@ -116,37 +122,51 @@ def _opened(source: str) -> "Iterator[Drive]":
         yield open_drive(drive)
 
 
+def _world_of(drive: "Drive") -> "RecordedWorld | None":
+    """The world of a simulated drive."""
+    from intervis.lab.worlds import load_world
+
+    return load_world(drive.root) if (drive.root / "world.npz").is_file() else None
+
+
+def _pairs(drive: "Drive", requested: "Pairs | None", world: "RecordedWorld | None") -> "Pairs":
+    """The pairs of frames to evaluate; none where only the world can give ground truth."""
+    from intervis.lab.truth.evaluation import chosen_pairs
+
+    try:
+        return chosen_pairs(drive, requested)
+    except DriveError as error:
+        if world is None or requested is not None:
+            raise
+        tell(f"note: the evaluation against held-out returns is skipped: {error}")
+        return ()
+
+
 def _evaluations(
-    drive: "Drive", pairs: "Pairs | None", protocol: "Protocol", rivals: bool
-) -> "list[Evaluation]":
-    from intervis.lab.truth.evaluate import (
-        chosen_pairs,
+    drive: "Drive",
+    pairs: "Pairs",
+    world: "RecordedWorld | None",
+    protocol: "Protocol",
+    baselines: bool,
+) -> "list[EvaluationResult]":
+    from intervis.lab.truth.evaluation import (
         evaluate_held_out,
         evaluate_world,
         methods_for,
         world_frames,
     )
-    from intervis.lab.truth.exact import Sampling
-    from intervis.lab.worlds import load_world
+    from intervis.lab.truth.exact_world import Sampling
 
-    methods, sampling = methods_for(protocol, rivals=rivals), Sampling()
-    world = load_world(drive.root) if (drive.root / "world.npz").is_file() else None
-    try:
-        chosen = chosen_pairs(drive, pairs)
-    except DriveError as error:
-        if world is None or pairs is not None:
-            raise
-        chosen = ()
-        tell(f"note: held-out returns are left out: {error}")
-    viewpoints = len(chosen)
+    methods, sampling = methods_for(protocol, baselines=baselines), Sampling()
+    viewpoints = len(pairs)
     if world is not None:
         viewpoints += len(world_frames(drive, None)) * sampling.viewpoints
+    found = []
     with progress("answers", viewpoints * len(methods)) as advance:
-        found = []
-        if chosen:
+        if pairs:
             found.append(
                 evaluate_held_out(
-                    drive, pairs=chosen, protocol=protocol, methods=methods, progress=advance
+                    drive, pairs=pairs, protocol=protocol, methods=methods, progress=advance
                 )
             )
         if world is not None:
@@ -163,23 +183,18 @@ def _evaluations(
     return found
 
 
-def _graphs(drive: "Drive", pairs: "Pairs | None") -> "dict[str, list[GraphScore]]":
-    """The paper's graph under each truth that the drive has."""
-    from intervis.lab.truth.evaluate import chosen_pairs, world_frames
+def _graphs(
+    drive: "Drive", pairs: "Pairs", world: "RecordedWorld | None"
+) -> "dict[str, list[GraphScore]]":
+    """Scores of the paper's graph, by the ground truths that the drive has."""
+    from intervis.lab.truth.evaluation import world_frames
     from intervis.lab.truth.paper_graph import graphs_by_exact_world, graphs_by_held_out_returns
-    from intervis.lab.worlds import load_world
 
     found = {}
-    world = load_world(drive.root) if (drive.root / "world.npz").is_file() else None
-    with progress("graphs", 1 + (world is not None)) as advance:
-        try:
-            chosen = chosen_pairs(drive, pairs)
-            found["held-out returns"] = graphs_by_held_out_returns(drive, chosen)
+    with progress("graphs", bool(pairs) + (world is not None)) as advance:
+        if pairs:
+            found["held-out returns"] = graphs_by_held_out_returns(drive, pairs)
             advance("held-out returns")
-        except DriveError as error:
-            if world is None or pairs is not None:
-                raise
-            tell(f"note: held-out returns are left out: {error}")
         if world is not None:
             found["exact world"] = graphs_by_exact_world(
                 drive, lambda number: world.triangles_at_frame(number)[0], world_frames(drive, None)
@@ -189,15 +204,17 @@ def _graphs(drive: "Drive", pairs: "Pairs | None") -> "dict[str, list[GraphScore
 
 
 def _tables(
-    evaluations: "list[Evaluation]", graphs: "dict[str, list[GraphScore]]", every_setting: bool
+    evaluations: "list[EvaluationResult]",
+    graphs: "dict[str, list[GraphScore]]",
+    every_setting: bool,
 ) -> "list[Table]":
-    from intervis.lab.truth.tables import accuracy_table, graph_table, questions_table
+    from intervis.lab.truth.tables import accuracy_table, graph_table, viewpoint_table
 
     tables = []
     for evaluation in evaluations:
         tables += [
             accuracy_table(evaluation, every_setting=every_setting),
-            questions_table(evaluation),
+            viewpoint_table(evaluation),
         ]
     return tables + [graph_table(truth, scores) for truth, scores in graphs.items()]
 
@@ -205,17 +222,20 @@ def _tables(
 def _write_json(
     path: Path,
     identity: dict[str, Any],
-    evaluations: "list[Evaluation]",
+    evaluations: "list[EvaluationResult]",
     graphs: "dict[str, list[GraphScore]]",
 ) -> None:
     import intervis
     from intervis.files import write_text
+    from intervis.lab.truth.results import SCHEMA
 
     content = {
-        "schema": 1,
+        "schema": SCHEMA,
         "intervis": intervis.__version__,
         "drive": identity,
         "evaluations": [evaluation.to_json() for evaluation in evaluations],
-        "graphs": {truth: [score.to_json() for score in of] for truth, of in graphs.items()},
+        "graphs": {
+            truth: [score.to_json() for score in scores] for truth, scores in graphs.items()
+        },
     }
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")

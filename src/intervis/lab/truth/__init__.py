@@ -1,1 +1,1 @@
-"""What is really visible: held-out returns and exact worlds, and the scores against them."""
+"""Accuracy of sight lines: ground truth from held-out returns and exact worlds, and scores."""

@@ -1,9 +1,9 @@
-"""Held-out returns: a scan that the method never sees says what was visible from its pose.
+"""Held-out returns: labels from a reference scan that the evaluated method does not get.
 
-Scan i is what a method may see, pose j the viewpoint, scan j the judge. A point of scan i counts
-as *visible* from pose j where a return of scan j lies on it, as *occluded* where every beam of
-scan j in its direction ended well before it, and is not judged in all other cases: between the
-beams, beside an edge, or behind a beam that came back from farther away.
+Scan i is the input, pose j the viewpoint, scan j the reference. A point of scan i is *visible*
+from pose j where a return of scan j lies on it. It is *occluded* where all beams of scan j in its
+direction end well before it. In all other cases it has no label: between the beams, beside an
+edge, or where a beam ends farther away.
 """
 
 from dataclasses import dataclass
@@ -23,35 +23,37 @@ from intervis.directions import chord, directions, nearest_directions
 from intervis.transform import checked_pose, inverse, transform
 
 NEIGHBOUR_ANGLE_DEG = 0.25
-"""Returns of the judging scan within this angle of a direction have a say about it."""
+"""Returns of the reference scan within this angle of a direction are used for its label."""
 NEAREST_ANGLE_DEG = 0.15
-"""No judgement where the nearest return lies farther off than this."""
+"""There is no label where the nearest return is farther off than this."""
 NEIGHBOUR_COUNT = 8
-"""At most so many returns have a say, the nearest ones."""
-LEAST_OCCLUDERS = 2
-"""A single nearer return may be noise; so many must agree that a point is hidden."""
-SAME_M, SAME_SHARE = 0.15, 0.01
-"""A return nearer to the point's range than this, plus a share of the range, lies on it."""
-BEFORE_M, BEFORE_SHARE = 1.0, 0.02
-"""A return that ends earlier than this, plus a share of the range, hides it."""
-NEAREST_RANGE_M, FARTHEST_RANGE_M = 2.7, 75.0
-"""Points nearer to pose j (the car itself) or farther away (too few beams) are not judged."""
+"""At most so many returns are used, the nearest ones."""
+MIN_OCCLUDERS = 2
+"""Least number of returns for the label "occluded": a single nearer return may be noise."""
+SAME_M, SAME_FRACTION = 0.15, 0.01
+"""A return lies on the point where the ranges differ by less than this, plus a fraction of the
+range."""
+BEFORE_M, BEFORE_FRACTION = 1.0, 0.02
+"""A return occludes the point where it ends earlier by more than this, plus a fraction of the
+range."""
+MIN_RANGE_M, MAX_RANGE_M = 2.7, 75.0
+"""Points nearer to pose j (the vehicle itself) or farther away (too few beams) have no label."""
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
-    """What scan j says about the points of scan i, seen from pose j.
+class HeldOutLabels:
+    """Labels of the points of scan i, seen from pose j.
 
     Attributes
     ----------
     index : (K,) int64 array
-        Rows of scan i that are judged, ascending.
+        Rows of scan i that have a label, ascending.
     visible : (K,) bool array
-        Whether a return of scan j lies on the point; where not, the point is hidden from there.
+        True: visible, a return of scan j lies on the point. False: occluded.
     viewpoint_i : (3,) float64 array
-        Pose j's origin in frame i, metres: where the sight lines start.
+        Origin of pose j in frame i, metres: the start of the sight lines.
     range_m : (K,) float64 array
-        Distance of the judged points from that viewpoint.
+        Distance of the labelled points from the viewpoint.
     """
 
     index: IntArray
@@ -60,46 +62,46 @@ class Judgement:
     range_m: Float64Array
 
 
-def judge(
+def held_out_labels(
     points_i: FloatArray, pose_i: ArrayLike, points_j: FloatArray, pose_j: ArrayLike
-) -> Judgement:
-    """Let scan j say which points of scan i are visible from pose j.
+) -> HeldOutLabels:
+    """Label points of scan i as visible or occluded from pose j, by the returns of scan j.
 
-    With r the range of a point of scan i from pose j, and the returns of scan j within 0.25
-    degrees of its direction (eight nearest at most; the nearest within 0.15 degrees, or the point
-    is not judged):
+    Let r be the range of a point of scan i from pose j. The returns of scan j within 0.25 degrees
+    of its direction are compared with it, at most the eight nearest. The nearest must be within
+    0.15 degrees; otherwise the point has no label.
 
     - visible: one of them has ``abs(range - r) < 0.15 + 0.01 r``;
-    - occluded: there are two at least, and all of them have ``range < r - (1 + 0.02 r)``;
-    - anything else is not judged, nor is a point with ``r`` outside 2.7 to 75 m.
+    - occluded: there are at least two, and all have ``range < r - (1 + 0.02 r)``;
+    - all other points have no label, nor points with ``r`` outside 2.7 to 75 m.
 
     Parameters
     ----------
     points_i, points_j : (N, 3), (M, 3) float arrays
-        The scans, each in its own sensor's frame, metres. Non-finite rows are passed over, and so
-        are returns at the very origin, which have no direction.
+        The scans, each in its own sensor's frame, metres. Rows that are not finite are ignored,
+        and so are returns at the origin, which have no direction.
     pose_i, pose_j : (4, 4) arrays
         world_from_velo of the two scans.
 
     Returns
     -------
-    Judgement
+    HeldOutLabels
 
     Raises
     ------
     PointsError
         A scan has the wrong shape or type.
     PoseError
-        A pose is no rigid motion.
+        A pose is not a rigid motion.
 
     Examples
     --------
-    Two returns of the judge on a point 10 m ahead; two more stop 6 m before another one:
+    Two reference returns lie on a point 10 m ahead; two others end 6 m before another point:
 
-    >>> seen = np.array([[10.0, 0.0, 0.0], [0.0, 10.0, 0.0]])
-    >>> judging = np.array([[10, 0.0, 0], [10, 0.02, 0], [0, 4.0, 0], [0.01, 4, 0]])
-    >>> answer = judge(seen, np.eye(4), judging, np.eye(4))
-    >>> answer.index, answer.visible
+    >>> scan = np.array([[10.0, 0.0, 0.0], [0.0, 10.0, 0.0]])
+    >>> reference = np.array([[10, 0.0, 0], [10, 0.02, 0], [0, 4.0, 0], [0.01, 4, 0]])
+    >>> labels = held_out_labels(scan, np.eye(4), reference, np.eye(4))
+    >>> labels.index, labels.visible
     (array([0, 1]), array([ True, False]))
     """
     row_i, xyz_i = _finite(points_i, "points_i")
@@ -112,19 +114,19 @@ def judge(
     direction_i, range_i = directions(transform(j_from_i, xyz_i))
     direction_j, range_j = directions(xyz_j)
     beams = np.flatnonzero(range_j > 0)
-    asked = np.flatnonzero((range_i >= NEAREST_RANGE_M) & (range_i <= FARTHEST_RANGE_M))
-    if len(beams) == 0 or len(asked) == 0:
+    query = np.flatnonzero((range_i >= MIN_RANGE_M) & (range_i <= MAX_RANGE_M))
+    if len(beams) == 0 or len(query) == 0:
         nothing = np.empty(0, dtype=np.int64)
-        return Judgement(nothing, nothing.astype(bool), viewpoint_i, np.empty(0))
+        return HeldOutLabels(nothing, nothing.astype(bool), viewpoint_i, np.empty(0))
 
-    apart, row = nearest_directions(
-        direction_j[beams], direction_i[asked], NEIGHBOUR_COUNT, NEIGHBOUR_ANGLE_DEG
+    distance, row = nearest_directions(
+        direction_j[beams], direction_i[query], NEIGHBOUR_COUNT, NEIGHBOUR_ANGLE_DEG
     )
-    ranges = np.append(range_j[beams], np.inf)[row]  # row == len(beams) marks "none"
-    seen, hidden = _say(apart, ranges, range_i[asked])
-    judged = seen | hidden
-    asked = asked[judged]
-    return Judgement(row_i[asked], seen[judged], viewpoint_i, range_i[asked])
+    beam_range = np.append(range_j[beams], np.inf)[row]  # row == len(beams): no neighbour
+    visible, occluded = _classify(distance, beam_range, range_i[query])
+    labelled = visible | occluded
+    query = query[labelled]
+    return HeldOutLabels(row_i[query], visible[labelled], viewpoint_i, range_i[query])
 
 
 def _finite(points: FloatArray, name: str) -> tuple[IntArray, Float64Array]:
@@ -134,15 +136,19 @@ def _finite(points: FloatArray, name: str) -> tuple[IntArray, Float64Array]:
     return row, xyz[row].astype(np.float64)
 
 
-def _say(
-    apart: Float64Array, ranges: Float64Array, asked_range: Float64Array
+def _classify(
+    distance: Float64Array, beam_range: Float64Array, point_range: Float64Array
 ) -> tuple[BoolArray, BoolArray]:
-    """Which asked points are visible and which occluded, (K,) each; both False: not judged."""
-    beside = np.isfinite(apart)
-    asked = asked_range[:, None]
-    near_enough = apart[:, 0] < chord(NEAREST_ANGLE_DEG)
-    on_it = beside & (np.abs(ranges - asked) < SAME_M + SAME_SHARE * asked)
-    before = ranges < asked - (BEFORE_M + BEFORE_SHARE * asked)
-    seen = near_enough & on_it.any(axis=1)
-    hidden = near_enough & (beside.sum(axis=1) >= LEAST_OCCLUDERS) & (before | ~beside).all(axis=1)
-    return seen, hidden
+    """Which points are visible and which occluded, (K,) each; both False: no label.
+
+    `distance` and `beam_range` are (K, 8): chord distance and range of the neighbouring beams.
+    """
+    exists = np.isfinite(distance)
+    r = point_range[:, None]
+    near_enough = distance[:, 0] < chord(NEAREST_ANGLE_DEG)
+    on_point = exists & (np.abs(beam_range - r) < SAME_M + SAME_FRACTION * r)
+    before = beam_range < r - (BEFORE_M + BEFORE_FRACTION * r)
+    visible = near_enough & on_point.any(axis=1)
+    enough = exists.sum(axis=1) >= MIN_OCCLUDERS
+    occluded = near_enough & enough & (before | ~exists).all(axis=1)
+    return visible, occluded

@@ -1,4 +1,4 @@
-"""Methods under judgement: the line-of-sight engine, and the rivals at each of their settings."""
+"""Methods under evaluation: the sight-line engine, and the baselines at each of their settings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,25 +7,28 @@ from time import perf_counter
 import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
-from intervis.lab.truth.baselines import Answer, Seen, rivals
+from intervis.lab.truth.baselines import Predict, all_baselines
+from intervis.lab.truth.baselines.input_scans import InputScans
 from intervis.lab.truth.baselines.triangulated import SURFACES
+from intervis.sight import Scene
 
-OURS = "intervis"
+ENGINE = "intervis"
+"""Name of the sight-line engine among the methods."""
 
 
 @dataclass(frozen=True, eq=False)
-class Answers:
-    """What a method says about (K,) targets.
+class Predictions:
+    """What a method predicts for K targets, and how long it took.
 
     Attributes
     ----------
     probability : (K,) float64 array
         Of being visible.
     state : (K,) int array or None
-        1 visible, 0 occluded, -1 unknown; None where a method never says "unknown".
+        1 visible, 0 occluded, -1 unknown; None where a method has no "unknown".
     prepare_s, answer_s : float
-        Seconds from scans to something that can answer, and for the answers; both in ``answer_s``
-        where a method does not part them.
+        Seconds to prepare the scans, and to answer the queries. A method that does not separate
+        the two reports both in ``answer_s``.
     """
 
     probability: Float64Array
@@ -36,48 +39,48 @@ class Answers:
 
 @dataclass(frozen=True)
 class Method:
-    """A method with one setting."""
+    """A method at one setting; ``predict(inputs, viewpoint, targets)`` returns `Predictions`."""
 
     name: str
     setting: str
-    ask: Callable[[Seen, Float64Array, Float64Array], Answers]
+    predict: Callable[[InputScans, Float64Array, Float64Array], Predictions]
 
 
-def ours() -> Method:
-    """The engine of `intervis.Scene`, as it comes."""
-    return Method(OURS, "default", _ask_scene)
+def engine() -> Method:
+    """The engine of `intervis.Scene` with its default settings."""
+    return Method(ENGINE, "default", _predict_with_scene)
 
 
-def theirs(*, several_scans: bool) -> list[Method]:
-    """Every rival at every setting."""
+def baseline_methods(*, several_scans: bool) -> list[Method]:
+    """All baselines, each at all its settings."""
     return [
-        Method(rival.name, setting, _timed(answer))
-        for rival in rivals(several_scans=several_scans)
-        for setting, answer in rival.settings.items()
+        Method(baseline.name, setting, _timed(predict))
+        for baseline in all_baselines(several_scans=several_scans)
+        for setting, predict in baseline.settings.items()
     ]
 
 
-def _ask_scene(seen: Seen, viewpoint: Float64Array, targets: Float64Array) -> Answers:
-    from intervis.sight import Scene
-
+def _predict_with_scene(
+    inputs: InputScans, viewpoint: Float64Array, targets: Float64Array
+) -> Predictions:
     start = perf_counter()
     scene = Scene()
-    timestamps_s = seen.timestamps_s or (None,) * len(seen.scans)
-    for scan, pose, timestamp_s in zip(seen.scans, seen.poses, timestamps_s, strict=True):
+    timestamps_s = inputs.timestamps_s or (None,) * len(inputs.scans)
+    for scan, pose, timestamp_s in zip(inputs.scans, inputs.poses, timestamps_s, strict=True):
         scene.add(scan, pose, timestamp_s)
     ready = perf_counter()
-    sight = scene.sight(viewpoint, targets, moment_s=None if seen.timestamps_s is None else 0.0)
+    sight = scene.sight(viewpoint, targets, moment_s=None if inputs.timestamps_s is None else 0.0)
     done = perf_counter()
     probability = np.asarray(sight.probability, dtype=np.float64)
-    return Answers(probability, np.asarray(sight.state), ready - start, done - ready)
+    return Predictions(probability, np.asarray(sight.state), ready - start, done - ready)
 
 
-def _timed(answer: Answer) -> Callable[[Seen, Float64Array, Float64Array], Answers]:
-    def ask(seen: Seen, viewpoint: Float64Array, targets: Float64Array) -> Answers:
-        _ = seen.points_world  # scans in one frame: no rival has to pay for that
+def _timed(predict: Predict) -> Callable[[InputScans, Float64Array, Float64Array], Predictions]:
+    def timed(inputs: InputScans, viewpoint: Float64Array, targets: Float64Array) -> Predictions:
+        _ = inputs.points_world  # cached: the transform is not part of a baseline's time
         cost, spent, start = SURFACES.cost_s, SURFACES.spent_s, perf_counter()
-        probability = answer(seen, viewpoint, targets)
+        probability = predict(inputs, viewpoint, targets)
         took = perf_counter() - start - (SURFACES.spent_s - spent)
-        return Answers(probability, None, SURFACES.cost_s - cost, took)
+        return Predictions(probability, None, SURFACES.cost_s - cost, took)
 
-    return ask
+    return timed

@@ -1,8 +1,8 @@
-"""Which sight lines of an exact world one scan can honestly answer, whoever answers them.
+"""Answerable sight lines: lines of an exact world that one scan determines, for any method.
 
-"Visible" says that beams have crossed the space along the line, "occluded" that the line meets a
-surface that a beam has hit. Where neither is so, "unknown" is the right word however the line runs,
-and no method may be blamed for it. Here the world's triangles say what is so.
+A line is visible when beams have crossed the space along it, and occluded when it crosses a
+surface that a beam has hit. Where neither holds, "unknown" is the correct answer of every method.
+The triangles of the world decide which case holds.
 """
 
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from intervis.lab.truth.rays import SegmentCaster
 from intervis.transform import inverse, transform
 
 STEP_M = 1.0
-"""Space along a line is looked at in steps of this length."""
+"""Largest step of the samples along a line."""
 END_M = 0.5
-"""So near to a line's ends it is not: they may lie on surfaces."""
-MOST_UNSEEN_M = 1.0
-"""A line is answerable as visible where no more of it than this was crossed by no beam."""
-RANGE_M = 120.0
-"""A beam that meets nothing over this length does not come back, and tells nothing."""
-ON_IT_M = 0.1
-"""What a beam hits lies on a surface met by the line if they are so near together."""
-MOST_SURFACES = 8
-"""So many surfaces along one line are looked at."""
+"""Length at each end of a line that is not sampled: the ends may lie on surfaces."""
+MAX_UNOBSERVED_M = 1.0
+"""A visible line is answerable where at most this length of it was crossed by no beam."""
+MAX_RANGE_M = 120.0
+"""A beam that hits nothing within this range returns nothing and observes nothing."""
+SAME_SURFACE_M = 0.1
+"""A beam hits the surface that a line crosses where the two points are at most this far apart."""
+MAX_SURFACES = 8
+"""At most so many surfaces along a line are examined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Beams:
     pose : (4, 4) float64 array
         world_from_velo of the scan.
     lowest_rad, highest_rad : float
-        Elevation of the lowest and the highest beam, in the sensor's frame.
+        Elevation of the lowest and the highest beam, sensor frame.
     """
 
     caster: SegmentCaster
@@ -49,31 +49,32 @@ class Beams:
 
     @classmethod
     def of_scan(cls, caster: SegmentCaster, pose: Float64Array, scan: Float64Array) -> Self:
-        """Between the lowest and the highest return of a scan (N, 3), in its sensor's frame."""
+        """Beams between the lowest and the highest return of a scan (N, 3), sensor frame."""
         if len(scan) == 0:
             return cls(caster, pose, 0.0, 0.0)
         elevation_rad = _elevation_rad(scan)
         return cls(caster, pose, float(elevation_rad.min()), float(elevation_rad.max()))
 
-    def fan_holds(self, points: Float64Array) -> BoolArray:
-        """Whether a beam goes towards each of the points (M, 3), world frame."""
+    def cover(self, points: Float64Array) -> BoolArray:
+        """Whether the points (M, 3), world frame, lie within the sensor's elevation range."""
         elevation_rad = _elevation_rad(transform(inverse(self.pose), points))
         return np.asarray((elevation_rad >= self.lowest_rad) & (elevation_rad <= self.highest_rad))
 
-    def see(self, points: Float64Array) -> BoolArray:
-        """Whether the sensor has a free way to each of the points, within the fan."""
-        return np.asarray(self.fan_holds(points) & ~self.caster.blocked(self.pose[:3, 3], points))
+    def reach(self, points: Float64Array) -> BoolArray:
+        """Whether the points (M, 3), world frame, are covered and visible from the sensor."""
+        return np.asarray(self.cover(points) & ~self.caster.blocked(self.pose[:3, 3], points))
 
-    def towards(self, points: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """Range of points (M, 3) from the sensor, and how far a beam towards each of them goes.
+    def ranges_towards(self, points: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Range of points (M, 3), world frame, and the range that a beam towards each measures.
 
-        The latter is NaN where no beam goes there, or none comes back.
+        The latter is NaN where no beam points there, or the beam returns nothing.
         """
-        way = points - self.pose[:3, 3]
-        range_m = np.linalg.norm(way, axis=1)
-        far = self.pose[:3, 3] + way * (RANGE_M / np.maximum(range_m, 1e-9))[:, None]
-        reach_m = self.caster.first_hit(self.pose[:3, 3], far)
-        return range_m, np.where(np.isfinite(reach_m) & self.fan_holds(points), reach_m, np.nan)
+        origin = self.pose[:3, 3]
+        offset = points - origin
+        range_m = np.linalg.norm(offset, axis=1)
+        far = origin + offset * (MAX_RANGE_M / np.maximum(range_m, 1e-9))[:, None]
+        hit_m = self.caster.first_hit(origin, far)
+        return range_m, np.where(np.isfinite(hit_m) & self.cover(points), hit_m, np.nan)
 
 
 def _elevation_rad(points_velo: Float64Array) -> Float64Array:
@@ -83,7 +84,7 @@ def _elevation_rad(points_velo: Float64Array) -> Float64Array:
 def answerable(
     beams: Beams, viewpoint: Float64Array, targets: Float64Array, visible: BoolArray
 ) -> BoolArray:
-    """Which lines could be answered rightly, by their true answer, from what one scan saw.
+    """Which sight lines one scan determines.
 
     Parameters
     ----------
@@ -92,13 +93,13 @@ def answerable(
     viewpoint, targets : (3,), (K, 3) float64 arrays
         World frame, metres.
     visible : (K,) bool array
-        The truth.
+        Ground truth.
 
     Returns
     -------
     (K,) bool array
-        Of visible lines: whether beams crossed all of it but `MOST_UNSEEN_M`. Of others: whether a
-        beam hit one of the surfaces that the line meets.
+        For visible lines: whether beams crossed all of the line but `MAX_UNOBSERVED_M`. For
+        occluded lines: whether a beam hit one of the surfaces that the line crosses.
     """
     found = np.zeros(len(targets), dtype=bool)
     found[visible] = _crossed(beams, viewpoint, targets[visible])
@@ -107,36 +108,36 @@ def answerable(
 
 
 def _crossed(beams: Beams, viewpoint: Float64Array, targets: Float64Array) -> BoolArray:
-    """Whether beams crossed the space along lines (K, 3)."""
+    """Whether beams crossed the space along lines to targets (K, 3)."""
     length = np.linalg.norm(targets - viewpoint, axis=1)
-    looked_m = np.maximum(length - 2 * END_M, 0.0)
-    steps = np.ceil(looked_m / STEP_M).astype(int)
-    step_m = looked_m / np.maximum(steps, 1)
-    line = np.repeat(np.arange(len(targets)), steps)
-    number = np.arange(len(line)) - np.repeat(np.cumsum(steps) - steps, steps)
-    share = (END_M + (number + 0.5) * step_m[line]) / length[line]
-    points = viewpoint + share[:, None] * (targets - viewpoint)[line]
-    range_m, reach_m = beams.towards(points)
-    unseen = np.bincount(line, ~(range_m <= reach_m), len(targets))
-    return np.asarray(unseen * step_m <= MOST_UNSEEN_M)
+    sampled_m = np.maximum(length - 2 * END_M, 0.0)
+    samples = np.ceil(sampled_m / STEP_M).astype(int)
+    step_m = sampled_m / np.maximum(samples, 1)
+    line = np.repeat(np.arange(len(targets)), samples)
+    number = np.arange(len(line)) - np.repeat(np.cumsum(samples) - samples, samples)
+    fraction = (END_M + (number + 0.5) * step_m[line]) / length[line]
+    points = viewpoint + fraction[:, None] * (targets - viewpoint)[line]
+    range_m, hit_m = beams.ranges_towards(points)
+    unobserved = np.bincount(line, ~(range_m <= hit_m), len(targets))  # NaN counts as unobserved
+    return np.asarray(unobserved * step_m <= MAX_UNOBSERVED_M)
 
 
 def _hit(beams: Beams, viewpoint: Float64Array, targets: Float64Array) -> BoolArray:
-    """Whether beams hit one of the surfaces on lines (K, 3)."""
+    """Whether beams hit one of the surfaces on lines to targets (K, 3)."""
     found = np.zeros(len(targets), dtype=bool)
     start = np.tile(viewpoint, (len(targets), 1))
-    left = np.arange(len(targets))
-    for _ in range(MOST_SURFACES):
-        way = targets[left] - start[left]
-        at_m = beams.caster.first_hit(start[left], targets[left])
-        met = np.isfinite(at_m)
-        left, way, at_m = left[met], way[met], at_m[met]
-        if len(left) == 0:
+    active = np.arange(len(targets))
+    for _ in range(MAX_SURFACES):
+        direction = targets[active] - start[active]
+        distance = beams.caster.first_hit(start[active], targets[active])
+        crosses = np.isfinite(distance)
+        active, direction, distance = active[crosses], direction[crosses], distance[crosses]
+        if len(active) == 0:
             break
-        way /= np.linalg.norm(way, axis=1)[:, None]
-        points = start[left] + at_m[:, None] * way
-        range_m, reach_m = beams.towards(points)
-        found[left] = np.abs(range_m - reach_m) <= ON_IT_M
-        start[left] = points + 1e-3 * way  # on, behind this surface
-        left = left[~found[left]]
+        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        points = start[active] + distance[:, None] * direction
+        range_m, hit_m = beams.ranges_towards(points)
+        found[active] = np.abs(range_m - hit_m) <= SAME_SURFACE_M
+        start[active] = points + 1e-3 * direction  # continue behind this surface
+        active = active[~found[active]]
     return found

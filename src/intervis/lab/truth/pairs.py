@@ -1,4 +1,4 @@
-"""Pairs of frames (i, j): scan i is asked about, pose j is the viewpoint, scan j the judge."""
+"""Pairs of frames (i, j): scan i gives the targets, pose j the viewpoint, scan j the labels."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -11,10 +11,10 @@ from intervis.lab.truth.protocols import distance_m
 
 Pairs = tuple[tuple[int, int], ...]
 
-STRETCH_M = 16.0
-"""Pairs are chosen inside stretches of road of about this length."""
-MOST_STRETCHES = 4
-WISHES: tuple[tuple[float, float], ...] = (
+SECTION_M = 16.0
+"""Pairs are chosen within sections of the drive of about this length."""
+MAX_SECTIONS = 4
+TEMPLATES: tuple[tuple[float, float], ...] = (
     (0.0, 4.0),
     (0.0, 8.0),
     (0.0, 16.0),
@@ -22,14 +22,14 @@ WISHES: tuple[tuple[float, float], ...] = (
     (4.0, 13.0),
     (16.0, -12.0),
 )
-"""Metres into the stretch at which scan i was taken, and metres from there to pose j,
-ahead or back: viewpoints 4 to 16 m away, both ways."""
+"""Wanted pairs of a section, metres: position of scan i from the start of the section, and
+distance from there to pose j, ahead (positive) or back (negative)."""
 TOLERANCE = 0.25
-"""A wish is met by a distance within this share of it."""
+"""Largest deviation of a pair's distance from the template, as a fraction of it."""
 
 
 def default_pairs(poses: Mapping[int, Float64Array]) -> Pairs:
-    """Pairs of a drive whose viewpoints lie 4 to 16 m apart, the same every time.
+    """Pairs of a drive whose viewpoints lie 4 to 16 m apart; a function of the poses alone.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ def default_pairs(poses: Mapping[int, Float64Array]) -> Pairs:
     Returns
     -------
     tuple of (i, j)
-        Six for each of up to four stretches of the drive, spread evenly; fewer where a wish
-        cannot be met within 25 %, none where the vehicle hardly moves.
+        Six for each of up to four sections of the drive, spread evenly. Templates that no pair
+        fits within 25 % are left out; there are no pairs where the vehicle hardly moves.
 
     Examples
     --------
@@ -54,29 +54,32 @@ def default_pairs(poses: Mapping[int, Float64Array]) -> Pairs:
         return ()
     steps = [distance_m(poses[a], poses[b]) for a, b in pairwise(numbers)]
     travelled = np.concatenate([[0.0], np.cumsum(steps)])
-    stretches = int(np.clip(travelled[-1] // STRETCH_M, 1, MOST_STRETCHES))
-    begins = np.linspace(0.0, max(0.0, travelled[-1] - STRETCH_M), stretches)
-    chosen: dict[tuple[int, int], None] = {}  # ordered, each pair once
-    for begin in begins:
-        for into, ahead in WISHES:
-            place = int(np.argmin(np.abs(travelled - begin - into)))
-            found = _partner(numbers, poses, place, ahead)
-            if found is not None:
-                chosen[numbers[place], found] = None
+    sections = int(np.clip(travelled[-1] // SECTION_M, 1, MAX_SECTIONS))
+    starts = np.linspace(0.0, max(0.0, travelled[-1] - SECTION_M), sections)
+    chosen: dict[tuple[int, int], None] = {}  # ordered, without duplicates
+    for start in starts:
+        for position, ahead in TEMPLATES:
+            index = int(np.argmin(np.abs(travelled - start - position)))
+            partner = _partner(numbers, poses, index, ahead)
+            if partner is not None:
+                chosen[numbers[index], partner] = None
     return tuple(chosen)
 
 
 def _partner(
-    numbers: Sequence[int], poses: Mapping[int, Float64Array], place: int, ahead_m: float
+    numbers: Sequence[int], poses: Mapping[int, Float64Array], index: int, ahead_m: float
 ) -> int | None:
-    """The later (or earlier) frame whose distance is nearest to the one wished for."""
-    others = numbers[place + 1 :] if ahead_m > 0 else numbers[:place]
+    """The later (or earlier) frame whose distance fits best; None where none is within 25 %."""
+    others = numbers[index + 1 :] if ahead_m > 0 else numbers[:index]
     if not others:
         return None
-    wished = abs(ahead_m)
-    best = min(others, key=lambda n: abs(distance_m(poses[n], poses[numbers[place]]) - wished))
-    missed = abs(distance_m(poses[best], poses[numbers[place]]) - wished)
-    return best if missed <= TOLERANCE * wished else None
+    wanted_m = abs(ahead_m)
+
+    def deviation_m(number: int) -> float:
+        return abs(distance_m(poses[number], poses[numbers[index]]) - wanted_m)
+
+    best = min(others, key=deviation_m)
+    return best if deviation_m(best) <= TOLERANCE * wanted_m else None
 
 
 def parsed_pairs(text: str) -> Pairs:
@@ -85,7 +88,7 @@ def parsed_pairs(text: str) -> Pairs:
     Raises
     ------
     SettingsError
-        It is anything else.
+        The text has another form.
 
     Examples
     --------
@@ -104,19 +107,20 @@ def parsed_pairs(text: str) -> Pairs:
     return tuple(pairs)
 
 
-def posed(
+def checked_poses(
     poses: Mapping[int, Float64Array] | None, name: str, least: int = 2
 ) -> Mapping[int, Float64Array]:
-    """The poses of a drive, or an error that says what to do without them.
+    """The poses of a drive, at least so many.
 
     Raises
     ------
     DriveError
-        There are fewer than the least number.
+        There are fewer.
     """
     if poses is None or len(poses) < least:
         raise DriveError(
-            f"{name} has {'no poses' if not poses else 'one pose'}, so no scan can judge another:"
-            " put a poses.txt beside the scans (KITTI odometry's format, twelve numbers a line)."
+            f"{name} has {'no poses' if not poses else 'one pose'}, so no scan can be compared"
+            " with another: put a poses.txt beside the scans (KITTI odometry's format, twelve"
+            " numbers a line)."
         )
     return poses

@@ -1,13 +1,12 @@
-"""The paper's graph judged by the truth: are its intervisibility points and edges really so?
+"""The graph of the paper's method compared with ground truth.
 
-MPCS (Algorithm 1) calls nodes and edges intervisible from the geometry of a mesh; the paper
-compares it with two methods of the same kind, not with what can be seen. Here its answers meet
-both truths of `intervis.lab.truth`: a node counts as visible when it is visible from the
-viewpoint P0, an edge when its two ends see each other.
+MPCS (Algorithm 1) classifies nodes and edges as intervisible from the geometry of a mesh. The
+paper compares it with two methods of the same kind, not with measured visibility. Here a node is
+labelled visible when it is visible from the viewpoint P0, an edge when its two ends see each other.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,15 @@ import numpy as np
 from intervis.arrays import BoolArray, Float64Array
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError
-from intervis.lab.truth.exact import truth as exact_truth
-from intervis.lab.truth.held_out import judge
+from intervis.lab.truth.exact_world import TOLERANCE_FRACTION, TOLERANCE_M, exact_labels
+from intervis.lab.truth.held_out import held_out_labels
 from intervis.lab.truth.rays import SegmentCaster, caster_of
-from intervis.lab.truth.scores import matthews
+from intervis.lab.truth.scores import (
+    matthews,
+    mean_of_known,
+    mean_or_nan,
+    number_or_none,
+)
 from intervis.method.analysis import Analysis, analyze
 from intervis.settings import Criterion, Settings
 from intervis.transform import inverse, transform
@@ -28,26 +32,26 @@ CRITERIA: tuple[Criterion, ...] = ("elevation", "sight_angle", "sight_line")
 
 @dataclass(frozen=True)
 class GraphScore:
-    """How often one graph, or the mean over several, was right.
+    """Scores of one graph, or the mean over several.
 
     Attributes
     ----------
     viewpoint : str
-        Where it was looked from: ``sensor``, ``camera``, or another pose.
+        ``sensor``, ``camera``, or another pose.
     criterion : str
     tau : int
     nodes : float
-        Nodes that the truth judges.
+        Number of labelled nodes.
     nodes_visible : float
-        Share of them that are visible: what calling every node intervisible would get right.
-    nodes_said : float
-        Share that is called intervisible.
-    nodes_right : float
-        Share of those called intervisible that are visible.
+        Fraction of them that are visible: the precision of calling every node intervisible.
+    nodes_predicted : float
+        Fraction of them that the graph calls intervisible.
+    nodes_precision : float
+        Fraction of the nodes called intervisible that are visible.
     nodes_mcc : float
-        Matthews correlation of said and visible; NaN where all nodes are visible.
-    edges, edges_visible, edges_said, edges_right : float
-        The same for edges, whose ends must see each other; NaN where the truth cannot tell.
+        Matthews correlation coefficient of the two; NaN where all nodes are visible.
+    edges, edges_visible, edges_predicted, edges_precision : float
+        The same for edges, whose ends must see each other; NaN where edges have no labels.
     """
 
     viewpoint: str
@@ -55,18 +59,18 @@ class GraphScore:
     tau: int
     nodes: float
     nodes_visible: float
-    nodes_said: float
-    nodes_right: float
+    nodes_predicted: float
+    nodes_precision: float
     nodes_mcc: float
     edges: float = np.nan
     edges_visible: float = np.nan
-    edges_said: float = np.nan
-    edges_right: float = np.nan
+    edges_predicted: float = np.nan
+    edges_precision: float = np.nan
 
     def to_json(self) -> dict[str, Any]:
-        """The fields, None for what is not known."""
+        """The fields by name; NaN becomes None."""
         return {
-            name: None if isinstance(value, float) and np.isnan(value) else value
+            name: number_or_none(value) if isinstance(value, float) else value
             for name, value in asdict(self).items()
         }
 
@@ -78,7 +82,7 @@ def graphs_by_held_out_returns(
     taus: Sequence[int] = (35, 10, 1),
     criteria: Sequence[Criterion] = CRITERIA,
 ) -> list[GraphScore]:
-    """Judge the graph of scan i, seen from pose j, by the returns of scan j.
+    """Score the graph of scan i, seen from pose j, against the returns of scan j.
 
     Parameters
     ----------
@@ -87,7 +91,7 @@ def graphs_by_held_out_returns(
     pairs : sequence of (i, j)
         Frame numbers.
     taus, criteria : sequences
-        Every combination is judged, each as the mean over the pairs.
+        Every combination is scored, each as the mean over the pairs.
 
     Raises
     ------
@@ -96,17 +100,18 @@ def graphs_by_held_out_returns(
     """
     scores = []
     for i, j in pairs:
-        seen, judging = drive[i], drive[j]
-        if seen.pose is None or judging.pose is None:
+        frame, reference = drive[i], drive[j]
+        if frame.pose is None or reference.pose is None:
             raise DriveError(f"frames {i} and {j} of {drive.name} need poses.")
-        judgement = judge(seen.points, seen.pose, judging.points, judging.pose)
-        visible = np.zeros(len(seen.points), bool)
-        visible[judgement.index[judgement.visible]] = True
-        judged = np.zeros(len(seen.points), bool)
-        judged[judgement.index] = True
-        for settings in _choices(taus, criteria):
-            result = analyze(seen.points, viewpoint=judgement.viewpoint_i, settings=settings)
-            scores.append(_score("pose j", result, judged[result.nodes], visible[result.nodes]))
+        labels = held_out_labels(frame.points, frame.pose, reference.points, reference.pose)
+        visible = np.zeros(len(frame.points), bool)
+        visible[labels.index[labels.visible]] = True
+        labelled = np.zeros(len(frame.points), bool)
+        labelled[labels.index] = True
+        for settings in _combinations(taus, criteria):
+            result = analyze(frame.points, viewpoint=labels.viewpoint_i, settings=settings)
+            nodes = result.nodes
+            scores.append(_score("pose j", result, labelled[nodes], visible[nodes]))
     return _averaged(scores)
 
 
@@ -119,20 +124,26 @@ def graphs_by_exact_world(
     taus: Sequence[int] = (35, 10, 1),
     criteria: Sequence[Criterion] = CRITERIA,
 ) -> list[GraphScore]:
-    """Judge the graphs of a simulated drive by rays cast at its triangles.
+    """Score the graphs of a simulated drive against rays cast at its triangles.
 
     Parameters
     ----------
     drive : Drive
         With poses.
     triangles_at : callable
-        Triangles (T, 3, 3) at a frame's moment, in the frame of the poses.
+        Triangles (T, 3, 3) at the time of a frame, in the frame of the poses.
     frames : sequence of int
-        Whose scans are looked at.
+        Frames whose scans are analysed.
     later : sequence of int
-        Viewpoints beside sensor and camera: the poses so many frames later, where there are any.
+        Further viewpoints beside sensor and camera: the poses so many frames later, where the
+        drive has them.
     taus, criteria : sequences
-        Every combination is judged, each as the mean over the frames.
+        Every combination is scored, each as the mean over the frames.
+
+    Raises
+    ------
+    DriveError
+        A frame has no pose, or there is no such frame.
     """
     scores = []
     for number in frames:
@@ -140,13 +151,13 @@ def graphs_by_exact_world(
         if frame.pose is None:
             raise DriveError(f"frame {number} of {drive.name} needs a pose.")
         caster = caster_of(transform(inverse(frame.pose), triangles_at(number)))
-        for settings in _choices(taus, criteria):
+        for settings in _combinations(taus, criteria):
             for name, result in _graphs(drive, frame, settings, later):
                 scores.append(_score_in_world(name, result, caster))
     return _averaged(scores)
 
 
-def _choices(taus: Iterable[int], criteria: Iterable[Criterion]) -> list[Settings]:
+def _combinations(taus: Iterable[int], criteria: Iterable[Criterion]) -> list[Settings]:
     criteria = tuple(criteria)
     return [Settings(tau=tau, criterion=name) for tau in taus for name in criteria]
 
@@ -170,54 +181,63 @@ def _graphs(
     for step in later:
         pose = drive.poses.get(frame.number + step) if drive.poses else None
         if pose is not None and frame.pose is not None:
-            place = transform(inverse(frame.pose), pose[:3, 3])
-            yield f"{step} frames later", analyze(frame.points, viewpoint=place, settings=around)
+            viewpoint = transform(inverse(frame.pose), pose[:3, 3])
+            yield (
+                f"{step} frames later",
+                analyze(frame.points, viewpoint=viewpoint, settings=around),
+            )
 
 
 def _score_in_world(viewpoint: str, result: Analysis, caster: SegmentCaster) -> GraphScore:
     points = result.node_points
-    visible, hidden = exact_truth(caster, result.viewpoint, points, np.ones(len(points), bool))
-    start, stop = points[result.edges[:, 0]], points[result.edges[:, 1]]
+    visible, occluded = exact_labels(caster, result.viewpoint, points, np.ones(len(points), bool))
+    free = _edges_free(points[result.edges], result.viewpoint, caster)
+    return _score(viewpoint, result, visible | occluded, visible, free)
+
+
+def _edges_free(ends: Float64Array, viewpoint: Float64Array, caster: SegmentCaster) -> BoolArray:
+    """(E,) whether the two ends of each edge, (E, 2, 3), see each other.
+
+    Both ends lie on surfaces, within range noise. Surfaces this near to an end are ignored, but
+    at each end no more than a third of the edge.
+    """
+    start, stop = ends[:, 0], ends[:, 1]
     length = np.linalg.norm(stop - start, axis=1)
-    # Both ends lie on surfaces, give or take the noise of their range: neither may block.
-    slack = np.minimum(0.15 + 0.01 * np.linalg.norm(start - result.viewpoint, axis=1), length / 3)
-    inward = start + (stop - start) * (slack / np.where(length > 0, length, 1.0))[:, None]
-    free = ~caster.blocked(inward, stop, slack_m=slack)
-    return _score(viewpoint, result, visible | hidden, visible, free)
+    range_m = np.linalg.norm(start - viewpoint, axis=1)
+    tolerance = np.minimum(TOLERANCE_M + TOLERANCE_FRACTION * range_m, length / 3)
+    fraction = tolerance / np.where(length > 0, length, 1.0)
+    inner_start = start + (stop - start) * fraction[:, None]
+    return ~caster.blocked(inner_start, stop, slack_m=tolerance)
 
 
 def _score(
     viewpoint: str,
     result: Analysis,
-    judged: BoolArray,
+    labelled: BoolArray,
     visible: BoolArray,
     edge_free: BoolArray | None = None,
 ) -> GraphScore:
-    said, true = result.node_intervisible[judged], visible[judged]
+    predictions, labels = result.node_intervisible[labelled], visible[labelled]
     settings = result.settings
     edges = {}
     if edge_free is not None and len(edge_free):
         edges = {
             "edges": float(len(edge_free)),
-            "edges_visible": _share(edge_free),
-            "edges_said": _share(result.edge_intervisible),
-            "edges_right": _share(edge_free[result.edge_intervisible]),
+            "edges_visible": mean_or_nan(edge_free),
+            "edges_predicted": mean_or_nan(result.edge_intervisible),
+            "edges_precision": mean_or_nan(edge_free[result.edge_intervisible]),
         }
     return GraphScore(
         viewpoint=viewpoint,
         criterion=settings.criterion,
         tau=int(settings.tau),
-        nodes=float(judged.sum()),
-        nodes_visible=_share(true),
-        nodes_said=_share(said),
-        nodes_right=_share(true[said]),
-        nodes_mcc=np.nan if true.all() else matthews(true, said),
+        nodes=float(labelled.sum()),
+        nodes_visible=mean_or_nan(labels),
+        nodes_predicted=mean_or_nan(predictions),
+        nodes_precision=mean_or_nan(labels[predictions]),
+        nodes_mcc=matthews(labels, predictions),
         **edges,
     )
-
-
-def _share(mask: BoolArray) -> float:
-    return float(mask.mean()) if len(mask) else float("nan")
 
 
 def _averaged(scores: Sequence[GraphScore]) -> list[GraphScore]:
@@ -225,12 +245,9 @@ def _averaged(scores: Sequence[GraphScore]) -> list[GraphScore]:
     groups: dict[tuple[str, str, int], list[GraphScore]] = {}
     for score in scores:
         groups.setdefault((score.viewpoint, score.criterion, score.tau), []).append(score)
-    numbers = [name for name in GraphScore.__dataclass_fields__ if name[:4] in ("node", "edge")]
+    numbers = [f.name for f in fields(GraphScore) if f.name.startswith(("nodes", "edges"))]
     averaged = []
     for (viewpoint, criterion, tau), members in groups.items():
-        means = {}
-        for name in numbers:
-            known = [value for m in members if not np.isnan(value := getattr(m, name))]
-            means[name] = float(np.mean(known)) if known else float("nan")
+        means = {name: mean_of_known([getattr(m, name) for m in members]) for name in numbers}
         averaged.append(GraphScore(viewpoint, criterion, tau, **means))
     return averaged

@@ -1,6 +1,6 @@
-"""Protocols: which scans of a drive a method may see before it is asked about pose j.
+"""Protocols: which scans of a drive a method gets before it answers queries from pose j.
 
-In every protocol scan j, the judge, stays hidden.
+Scan j, the reference scan, is hidden in every protocol.
 """
 
 from collections.abc import Mapping
@@ -12,10 +12,10 @@ from intervis.arrays import Float64Array
 from intervis.errors import DriveError, SettingsError
 
 Protocol = Literal["single", "past", "map"]
-PROTOCOLS: tuple[str, ...] = get_args(Protocol)
+PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 
 MAP_DISTANCE_M = 2.0
-"""In protocol ``map`` only scans taken this far from pose j, or farther, may be seen."""
+"""Protocol ``map`` uses the scans taken at this distance from pose j, or farther."""
 
 
 def checked_protocol(name: str) -> Protocol:
@@ -24,35 +24,35 @@ def checked_protocol(name: str) -> Protocol:
     Raises
     ------
     SettingsError
-        There is none.
+        There is no such protocol.
 
     Examples
     --------
     >>> checked_protocol("map")
     'map'
     """
-    for protocol in get_args(Protocol):
+    for protocol in PROTOCOLS:
         if name == protocol:
-            return protocol  # type: ignore[no-any-return]
+            return protocol
     raise SettingsError(f"there is no protocol {name!r}; choose one of {', '.join(PROTOCOLS)}.")
 
 
-def frames_to_see(
+def input_frames(
     protocol: Protocol, poses: Mapping[int, Float64Array], i: int, j: int
 ) -> tuple[int, ...]:
-    """Numbers of the frames whose scans may be seen, in ascending order.
+    """Numbers of the frames whose scans a method gets, ascending.
 
     - ``single``: scan i alone;
-    - ``past``: all scans up to and including i, the judge left out where it is one of them;
+    - ``past``: all scans up to and including i, without the reference scan;
     - ``map``: all scans whose pose lies 2 m or farther from pose j; scan i only if it does.
 
     Parameters
     ----------
     protocol : {"single", "past", "map"}
     poses : mapping of int to (4, 4) float64 array
-        world_from_velo by frame number; frames that are not in it may not be seen.
+        world_from_velo by frame number; frames without a pose are not used.
     i, j : int
-        Numbers of the frame whose points are asked about, and of the judge.
+        Numbers of the frame whose points are the targets, and of the reference frame.
 
     Raises
     ------
@@ -63,14 +63,16 @@ def frames_to_see(
     --------
     >>> poses = {n: np.eye(4) for n in range(4)}
     >>> for n in poses: poses[n][0, 3] = 1.5 * n
-    >>> frames_to_see("past", poses, 2, 3), frames_to_see("map", poses, 2, 3)
+    >>> input_frames("past", poses, 2, 3), input_frames("map", poses, 2, 3)
     ((0, 1, 2), (0, 1))
     """
     if i == j:
-        raise DriveError(f"frame {i} cannot judge itself: name two frames, as in {i}:{i + 5}.")
+        raise DriveError(
+            f"frame {i} cannot be its own reference: name two frames, as in {i}:{i + 5}."
+        )
     for number in (i, j):
         if number not in poses:
-            raise DriveError(f"frame {number} has no pose, so nothing can be judged from it.")
+            raise DriveError(f"frame {number} has no pose: choose frames with poses.")
     if protocol == "single":
         return (i,)
     if protocol == "past":

@@ -1,91 +1,96 @@
-"""Scores of answers about visibility: correlation, ranking, probability, and the honest "unknown".
+"""Scores of visibility predictions: correlation, ranking, calibration and coverage.
 
-A score that the points cannot give is NaN, never 0 or 1: a precision of nothing said, a
-correlation where the truth holds one kind of point only. Averages pass NaN over.
+A score that is not defined for the given points is NaN: the precision of a state that was never
+predicted, a correlation where all labels are equal. Averages leave NaN out.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import rankdata
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
 from intervis.errors import PointsError
+from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
 
 BIN_COUNT = 10
-"""Bins of the reliability plot, equally wide over 0 to 1."""
-FILLED_SHARE = 0.01
-"""A bin counts as filled with this share of all points; see `Reliability.largest_gap`."""
-VISIBLE, OCCLUDED, UNKNOWN = 1, 0, -1
-"""The three answers, as `intervis.Sight.state` writes them."""
+"""Number of bins of the reliability diagram, equally wide over 0 to 1."""
+MIN_BIN_FRACTION = 0.01
+"""`Reliability.max_calibration_error` ignores bins that hold a smaller fraction of the points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reliability:
-    """How often points were visible that were said to be so with a probability.
+    """Reliability diagram: the predicted probabilities in ten bins, against the labels.
 
     Attributes
     ----------
     weight : (10,) float64 array
-        Share of all points whose probability fell into each bin; sums to 1.
-    said : (10,) float64 array
-        Mean probability of the points in each bin; NaN where it is empty.
-    true : (10,) float64 array
-        Share of them that was visible; NaN where it is empty.
+        Fraction of all points whose probability lies in each bin; the sum is 1.
+    mean_probability : (10,) float64 array
+        Mean predicted probability of the points in each bin; NaN where it is empty.
+    visible_fraction : (10,) float64 array
+        Fraction of the points in each bin that are visible; NaN where it is empty.
     """
 
     weight: Float64Array
-    said: Float64Array
-    true: Float64Array
+    mean_probability: Float64Array
+    visible_fraction: Float64Array
 
     @property
-    def gap(self) -> Float64Array:
-        """(10,) distance of what was said from what was true; NaN where a bin is empty."""
-        return np.abs(self.said - self.true)
+    def calibration_error(self) -> Float64Array:
+        """(10,) ``abs(mean_probability - visible_fraction)``; NaN where a bin is empty."""
+        return np.abs(self.mean_probability - self.visible_fraction)
 
     @property
-    def largest_gap(self) -> float:
-        """Largest gap of the bins that hold at least 1 % of all points; NaN without points.
+    def max_calibration_error(self) -> float:
+        """Largest error of the bins that hold at least 1 % of the points; NaN without points.
 
-        Emptier bins are left out because a handful of points beside one edge can fill them and
-        all be wrong together; `largest_gap_of_all` counts those too.
+        Bins with fewer points are left out, because a few points near one edge can fill such a
+        bin and all be wrong together. `max_calibration_error_all_bins` includes them.
         """
-        return _largest(self.gap[self.weight >= FILLED_SHARE])
+        return _maximum(self.calibration_error[self.weight >= MIN_BIN_FRACTION])
 
     @property
-    def largest_gap_of_all(self) -> float:
-        """Largest gap of all bins that hold any point; NaN without points."""
-        return _largest(self.gap)
+    def max_calibration_error_all_bins(self) -> float:
+        """Largest error of all bins that are not empty; NaN without points."""
+        return _maximum(self.calibration_error)
 
     @property
-    def mean_gap(self) -> float:
-        """Gap averaged over the points ("expected calibration error"); NaN without points."""
+    def expected_calibration_error(self) -> float:
+        """Error averaged over the points (ECE); NaN without points."""
         filled = self.weight > 0
-        return float(self.weight[filled] @ self.gap[filled]) if filled.any() else float("nan")
+        if not filled.any():
+            return math.nan
+        return float(self.weight[filled] @ self.calibration_error[filled])
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """How good the answers to a set of points are.
+    """Scores of the predictions for one set of points.
 
     Attributes
     ----------
     mcc : float
-        Matthews correlation with every point answered: visible from a probability of 0.5 on.
+        Matthews correlation coefficient over all points; a point is predicted visible where its
+        probability is at least 0.5.
     auc : float
         Area under the ROC curve of the probability.
     brier : float
-        Mean squared distance of the probability from the truth (1 or 0).
+        Mean squared difference of the probability and the label (1 or 0).
     coverage : float
-        Share of points whose answer was not "unknown".
+        Fraction of points whose state is not "unknown".
     precision_visible, precision_occluded : float
-        Share of what was called visible (occluded) that was.
+        Fraction of the points with state "visible" ("occluded") for which this is true.
     mcc_answered : float
-        Matthews correlation of the three-valued answer over the points that it does not call
+        Matthews correlation coefficient of the state, over the points whose state is not
         "unknown".
-    visible_share : float
-        Share of points that were visible in truth.
+    visible_fraction : float
+        Fraction of points that are visible.
     count : int
         Number of points.
     reliability : Reliability
@@ -98,29 +103,47 @@ class Scores:
     precision_visible: float
     precision_occluded: float
     mcc_answered: float
-    visible_share: float
+    visible_fraction: float
     count: int
     reliability: Reliability
 
+    def to_json(self) -> dict[str, Any]:
+        """The scores by name, with the bins of the reliability diagram; NaN becomes None."""
+        bins = self.reliability
+        return {
+            **{name: number_or_none(getattr(self, name)) for name in _averaged_fields()},
+            "count": self.count,
+            "reliability": {
+                **{
+                    field.name: [number_or_none(value) for value in getattr(bins, field.name)]
+                    for field in fields(bins)
+                },
+                "max_calibration_error": number_or_none(bins.max_calibration_error),
+                "max_calibration_error_all_bins": number_or_none(
+                    bins.max_calibration_error_all_bins
+                ),
+                "expected_calibration_error": number_or_none(bins.expected_calibration_error),
+            },
+        }
+
 
 def score(visible: ArrayLike, probability: ArrayLike, state: ArrayLike | None = None) -> Scores:
-    """Score the answers to K points.
+    """Score the predictions for K points.
 
     Parameters
     ----------
     visible : (K,) bool array
-        The truth.
+        The labels.
     probability : (K,) float array
-        Of being visible, 0 to 1; a yes-or-no answer gives 1 and 0.
+        Predicted probability of being visible, 0 to 1; a binary prediction gives 1 and 0.
     state : (K,) int array, optional
-        1 visible, 0 occluded, -1 unknown; without it every point counts as answered, visible from
-        a probability of 0.5 on.
+        1 visible, 0 occluded, -1 unknown. Without it a point is visible where its probability is
+        at least 0.5, and occluded elsewhere.
 
     Raises
     ------
     PointsError
-        The arrays do not match, a probability is not within 0 to 1, or a state is none of the
-        three.
+        The arrays differ in length, a probability is outside 0 to 1, or a state has another value.
 
     Examples
     --------
@@ -128,28 +151,28 @@ def score(visible: ArrayLike, probability: ArrayLike, state: ArrayLike | None = 
     >>> round(scores.mcc, 3), scores.auc, scores.coverage, scores.mcc_answered
     (0.577, 1.0, 0.75, 1.0)
     """
-    truth, sure, said = _checked(visible, probability, state)
-    answered = said != UNKNOWN
-    called_visible, called_occluded = said == VISIBLE, said == OCCLUDED
+    labels, probabilities, states = _checked(visible, probability, state)
+    answered = states != UNKNOWN
+    predicted_visible, predicted_occluded = states == VISIBLE, states == OCCLUDED
     return Scores(
-        mcc=matthews(truth, sure >= 0.5),
-        auc=area_under_curve(truth, sure),
-        brier=_mean((sure - truth) ** 2),
-        coverage=_mean(answered),
-        precision_visible=_mean(truth[called_visible]),
-        precision_occluded=_mean(~truth[called_occluded]),
-        mcc_answered=matthews(truth[answered], called_visible[answered]),
-        visible_share=_mean(truth),
-        count=len(truth),
-        reliability=reliability(truth, sure),
+        mcc=matthews(labels, probabilities >= 0.5),
+        auc=area_under_curve(labels, probabilities),
+        brier=mean_or_nan((probabilities - labels) ** 2),
+        coverage=mean_or_nan(answered),
+        precision_visible=mean_or_nan(labels[predicted_visible]),
+        precision_occluded=mean_or_nan(~labels[predicted_occluded]),
+        mcc_answered=matthews(labels[answered], predicted_visible[answered]),
+        visible_fraction=mean_or_nan(labels),
+        count=len(labels),
+        reliability=reliability(labels, probabilities),
     )
 
 
 def average(scores: Sequence[Scores]) -> Scores:
-    """Scores averaged over pairs of poses, each pair counting the same; counts are summed.
+    """Mean scores over query sets with equal weights; counts are summed.
 
-    The bins of the reliability plot are pooled (each pair's points weighing 1 in all) before the
-    gaps are taken: a gap is a property of the answers together.
+    The bins of the reliability diagrams are pooled with equal weights as well. The calibration
+    errors are those of the pooled bins, not means of the query sets' errors.
 
     Examples
     --------
@@ -160,9 +183,7 @@ def average(scores: Sequence[Scores]) -> Scores:
     if not scores:
         return score([], [])
     means = {
-        field.name: _mean_of_numbers([getattr(one, field.name) for one in scores])
-        for field in fields(Scores)
-        if field.name not in ("count", "reliability")
+        name: mean_of_known([getattr(one, name) for one in scores]) for name in _averaged_fields()
     }
     return Scores(
         **means,
@@ -171,103 +192,121 @@ def average(scores: Sequence[Scores]) -> Scores:
     )
 
 
-def matthews(truth: BoolArray, said: BoolArray) -> float:
+def matthews(labels: BoolArray, predictions: BoolArray) -> float:
     """Matthews correlation coefficient of two (K,) bool arrays.
 
-    0 where everything was called the same; NaN where the truth itself is all of one kind, for
-    then nothing can correlate with it. Matthews, BBA 405 (1975) 442-451.
+    0 where all predictions are equal; NaN where all labels are equal, where it is not defined.
+    Matthews, Biochim. Biophys. Acta 405 (1975) 442-451, doi:10.1016/0005-2795(75)90109-9.
 
     Examples
     --------
-    >>> matthews(np.array([True, True, False, False]), np.array([True, False, False, False]))
+    >>> labels = np.array([True, True, False, False])
+    >>> matthews(labels, np.array([True, False, False, False]))
     0.577...
     """
-    total, positive, called = len(truth), int(truth.sum()), int(said.sum())
+    total, positive, predicted = len(labels), int(labels.sum()), int(predictions.sum())
     if positive in (0, total):
-        return float("nan")
-    if called in (0, total):
+        return math.nan
+    if predicted in (0, total):
         return 0.0
-    both = int((truth & said).sum())
-    # the covariance of two 0/1 variables over the product of their deviations, in integers
-    spread = float(positive * (total - positive)) * float(called * (total - called))
-    return float(both * total - positive * called) / float(np.sqrt(spread))
+    true_positive = int((labels & predictions).sum())
+    # The covariance of two 0/1 variables over the product of their standard deviations, in
+    # integers as far as possible: the products exceed float precision for millions of points.
+    covariance = float(true_positive * total - positive * predicted)
+    variances = float(positive * (total - positive)) * float(predicted * (total - predicted))
+    return covariance / math.sqrt(variances)
 
 
-def area_under_curve(truth: BoolArray, probability: Float64Array) -> float:
-    """Chance that a visible point has a higher probability than a hidden one; ties count half.
+def area_under_curve(labels: BoolArray, probability: Float64Array) -> float:
+    """Area under the ROC curve (K points): how often a visible point ranks above an occluded one.
 
-    NaN where the truth is all of one kind.
+    Ties count half. NaN where all labels are equal.
 
     Examples
     --------
     >>> area_under_curve(np.array([True, False, False]), np.array([0.5, 0.5, 0.1]))
     0.75
     """
-    positive = int(truth.sum())
-    negative = len(truth) - positive
+    positive = int(labels.sum())
+    negative = len(labels) - positive
     if positive == 0 or negative == 0:
-        return float("nan")
-    _, place, share = np.unique(probability, return_inverse=True, return_counts=True)
-    last = np.cumsum(share)
-    rank = (last - (share - 1) / 2.0)[place]  # mean rank of equal probabilities, from 1
-    wins = float(rank[truth].sum()) - positive * (positive + 1) / 2.0
-    return wins / positive / negative
+        return math.nan
+    rank_sum = float(rankdata(probability)[labels].sum())  # mean ranks of ties, from 1
+    return (rank_sum - positive * (positive + 1) / 2.0) / positive / negative
 
 
-def reliability(truth: BoolArray, probability: Float64Array) -> Reliability:
-    """Bin (K,) probabilities in ten; a bin holds its lower edge, the last its upper one too.
+def reliability(labels: BoolArray, probability: Float64Array) -> Reliability:
+    """Reliability diagram of K points; bins are closed below and open above, the last is closed.
 
     Examples
     --------
     >>> bins = reliability(np.array([True, False, True]), np.array([0.95, 0.9, 1.0]))
-    >>> print(bins.weight[9], bins.said[9].round(2), bins.true[9].round(2))
+    >>> print(bins.weight[9], bins.mean_probability[9].round(2), bins.visible_fraction[9].round(2))
     1.0 0.95 0.67
     """
-    place: IntArray = np.minimum((probability * BIN_COUNT).astype(np.int64), BIN_COUNT - 1)
-    share = np.bincount(place, minlength=BIN_COUNT).astype(np.float64)
-    said = np.bincount(place, probability, BIN_COUNT)
-    true = np.bincount(place, truth, BIN_COUNT)
+    bin_index: IntArray = np.minimum((probability * BIN_COUNT).astype(np.int64), BIN_COUNT - 1)
+    count = np.bincount(bin_index, minlength=BIN_COUNT).astype(np.float64)
+    probability_sum = np.bincount(bin_index, probability, BIN_COUNT)
+    visible_count = np.bincount(bin_index, labels, BIN_COUNT)
     with np.errstate(invalid="ignore"):
-        return Reliability(share / max(1, len(truth)), said / share, true / share)
+        return Reliability(
+            count / max(1, len(labels)), probability_sum / count, visible_count / count
+        )
 
 
 def _pooled(parts: Sequence[Reliability]) -> Reliability:
+    """The diagrams together, each with weight 1."""
     if not parts:
         return reliability(np.empty(0, dtype=bool), np.empty(0))
     weight = np.sum([part.weight for part in parts], axis=0)
-    said = np.sum([np.nan_to_num(part.said) * part.weight for part in parts], axis=0)
-    true = np.sum([np.nan_to_num(part.true) * part.weight for part in parts], axis=0)
+    probability = np.sum([np.nan_to_num(part.mean_probability) * part.weight for part in parts], 0)
+    visible = np.sum([np.nan_to_num(part.visible_fraction) * part.weight for part in parts], 0)
     with np.errstate(invalid="ignore"):
-        return Reliability(weight / max(1, len(parts)), said / weight, true / weight)
+        return Reliability(weight / len(parts), probability / weight, visible / weight)
 
 
 def _checked(
     visible: ArrayLike, probability: ArrayLike, state: ArrayLike | None
 ) -> tuple[BoolArray, Float64Array, IntArray]:
-    truth = np.asarray(visible, dtype=bool)
-    sure = np.asarray(probability, dtype=np.float64)
-    said = np.where(sure >= 0.5, VISIBLE, OCCLUDED) if state is None else np.asarray(state)
-    if truth.ndim != 1 or not truth.shape == sure.shape == said.shape:
+    labels = np.asarray(visible, dtype=bool)
+    probabilities = np.asarray(probability, dtype=np.float64)
+    if state is None:
+        states = np.where(probabilities >= 0.5, VISIBLE, OCCLUDED)
+    else:
+        states = np.asarray(state)
+    if labels.ndim != 1 or not labels.shape == probabilities.shape == states.shape:
         raise PointsError(
             "visible, probability and state must be of one length,"
-            f" got the shapes {truth.shape}, {sure.shape} and {said.shape}."
+            f" got the shapes {labels.shape}, {probabilities.shape} and {states.shape}."
         )
-    if not ((sure >= 0) & (sure <= 1)).all():
+    if not ((probabilities >= 0) & (probabilities <= 1)).all():
         raise PointsError("probability must lie within 0 to 1 everywhere.")
-    if not np.isin(said, (VISIBLE, OCCLUDED, UNKNOWN)).all():
+    if not np.isin(states, (VISIBLE, OCCLUDED, UNKNOWN)).all():
         raise PointsError("state must be 1 (visible), 0 (occluded) or -1 (unknown) everywhere.")
-    return truth, sure, said.astype(np.int64)
+    return labels, probabilities, states.astype(np.int64)
 
 
-def _mean(values: BoolArray | Float64Array) -> float:
-    return float(values.mean()) if len(values) else float("nan")
+def _averaged_fields() -> list[str]:
+    """The fields of `Scores` that are single numbers and can be averaged."""
+    return [field.name for field in fields(Scores) if field.name not in ("count", "reliability")]
 
 
-def _mean_of_numbers(values: Sequence[float]) -> float:
-    known = [value for value in values if not np.isnan(value)]
-    return float(np.mean(known)) if known else float("nan")
+def mean_or_nan(values: BoolArray | Float64Array) -> float:
+    """Mean of (K,) values; NaN without values."""
+    return float(values.mean()) if len(values) else math.nan
 
 
-def _largest(gaps: Float64Array) -> float:
-    known = gaps[~np.isnan(gaps)]
-    return float(known.max()) if len(known) else float("nan")
+def mean_of_known(values: Sequence[float]) -> float:
+    """Mean of the values that are not NaN; NaN without any."""
+    known = [value for value in values if not math.isnan(value)]
+    return float(np.mean(known)) if known else math.nan
+
+
+def number_or_none(value: float) -> float | None:
+    """A finite number, or None: JSON has no NaN."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _maximum(errors: Float64Array) -> float:
+    known = errors[~np.isnan(errors)]
+    return float(known.max()) if len(known) else math.nan

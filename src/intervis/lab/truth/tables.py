@@ -1,4 +1,4 @@
-"""Tables of an evaluation: every method's best setting, and all settings."""
+"""Tables of an evaluation: all methods at their best or at every setting, and the paper's graph."""
 
 import math
 from typing import TYPE_CHECKING
@@ -9,30 +9,27 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from intervis.lab.truth.paper_graph import GraphScore
+    from intervis.lab.truth.results import EvaluationResult, MethodResult
     from intervis.lab.truth.scores import Scores
-    from intervis.lab.truth.scoring import Evaluation, Row
 
-HEADINGS = (
-    "method",
+SCORE_HEADINGS = (
     "MCC",
     "AUC",
     "Brier",
-    "gap",
-    "answered",
-    "MCC of these",
-    "visible ok",
-    "occluded ok",
-    "prepare",
-    "answer",
+    "max cal. error",
+    "coverage",
+    "MCC answered",
+    "precision visible",
+    "precision occluded",
 )
 NOTE = (
-    "MCC: every point answered, visible from a probability of 0.5 on. Gap: largest gap of the"
-    " reliability plot, in bins with 1 % of the points or more. Answered: share that is not"
-    ' "unknown"; the next three columns are about these points: their MCC, and how often'
-    ' "visible" and "occluded" were right. Averages over the viewpoints; times are medians'
-    " for one viewpoint, ms (blank: part of the answer)."
+    "MCC: Matthews correlation over all targets, visible from a probability of 0.5 on. Max cal."
+    " error: largest calibration error of the reliability diagram, over bins with at least 1 % of"
+    ' the targets. Coverage: fraction of targets whose state is not "unknown"; the next three'
+    " columns are over these targets. Scores are means over the viewpoints, the calibration error"
+    " is that of their pooled bins. Prepare and answer: median times for one viewpoint, ms (blank:"
+    " included in answer)."
 )
-
 
 GRAPH_HEADINGS = (
     "viewpoint",
@@ -40,84 +37,96 @@ GRAPH_HEADINGS = (
     "criterion",
     "nodes",
     "visible",
-    "called",
-    "right",
+    "predicted",
+    "precision",
     "MCC",
     "edges",
     "free",
-    "called",
-    "right",
+    "predicted",
+    "precision",
 )
 GRAPH_NOTE = (
-    "Visible (free): share of the judged nodes (edges) that really are, which is what calling"
-    " all of them intervisible would get right. Called: share that the graph calls intervisible;"
-    " right: how many of these really are. From the sensor every return is visible. Nodes are"
-    " judged from the viewpoint, edges by whether their two ends see each other."
+    "Visible (free): fraction of the labelled nodes (edges) that are visible (free), which is the"
+    " precision of calling all of them intervisible. Predicted: fraction that the graph calls"
+    " intervisible; precision: fraction of these that are visible (free). From the sensor all"
+    " returns are visible. Nodes are labelled from the viewpoint, edges by whether their two ends"
+    " see each other."
 )
 
 
-def graph_table(truth: str, scores: "Sequence[GraphScore]") -> Table:
-    """The paper's graph under one truth: a row for each viewpoint, tau and criterion."""
+def accuracy_table(evaluation: "EvaluationResult", *, every_setting: bool = False) -> Table:
+    """One row for each method at its best setting, or at every setting.
+
+    The rows of each subset of the targets follow.
+    """
+    results = evaluation.results if every_setting else evaluation.best_settings()
+    cells = [(_name(result), *_scores(result.mean), *_times(result)) for result in results]
+    for subset in results[0].subsets if results else ():
+        cells += [
+            (f"{_name(result)}, {subset}", *_scores(result.mean_of(subset)), "", "")
+            for result in results
+        ]
+    title = (
+        f"{evaluation.source}: {evaluation.ground_truth}, protocol {evaluation.protocol},"
+        f" {len(evaluation.query_sets)} viewpoints, {evaluation.target_count:,} points"
+    )
+    return Table(title, ("method", *SCORE_HEADINGS, "prepare", "answer"), tuple(cells), (NOTE,))
+
+
+def viewpoint_table(evaluation: "EvaluationResult") -> Table:
+    """The scores of the first method, the engine, for each viewpoint."""
+    result = evaluation.results[0]
+    cells = [
+        (label, *_scores(scores))
+        for label, scores in zip(result.labels, result.scores, strict=True)
+    ]
+    return Table(f"{result.method}, each viewpoint", ("viewpoint", *SCORE_HEADINGS), tuple(cells))
+
+
+def graph_table(ground_truth: str, scores: "Sequence[GraphScore]") -> Table:
+    """The paper's graph: one row for each viewpoint, tau and criterion."""
     cells = tuple(
         (
             score.viewpoint,
             str(score.tau),
             score.criterion,
             f"{score.nodes:.0f}",
-            *(_text(x, ".1%") for x in (score.nodes_visible, score.nodes_said, score.nodes_right)),
+            _text(score.nodes_visible, ".1%"),
+            _text(score.nodes_predicted, ".1%"),
+            _text(score.nodes_precision, ".1%"),
             _text(score.nodes_mcc, ".3f"),
             _text(score.edges, ".0f"),
-            *(_text(x, ".1%") for x in (score.edges_visible, score.edges_said, score.edges_right)),
+            _text(score.edges_visible, ".1%"),
+            _text(score.edges_predicted, ".1%"),
+            _text(score.edges_precision, ".1%"),
         )
         for score in scores
     )
-    return Table(f"The paper's graph judged by {truth}", GRAPH_HEADINGS, cells, (GRAPH_NOTE,))
+    title = f"The paper's graph compared with {ground_truth}"
+    return Table(title, GRAPH_HEADINGS, cells, (GRAPH_NOTE,))
 
 
-def accuracy_table(evaluation: "Evaluation", *, every_setting: bool = False) -> Table:
-    """One row for each method at its best setting, or for every setting.
-
-    Where targets are of several kinds, the rows of each kind follow.
-    """
-    rows = evaluation.rows if every_setting else evaluation.best_rows()
-    cells = [_cells(_name(row), row.mean, row) for row in rows]
-    for part in rows[0].parts if rows else ():
-        cells += [_cells(f"{_name(row)}, {part}", row.mean_of(part), None) for row in rows]
-    title = (
-        f"{evaluation.source}: {evaluation.truth}, protocol {evaluation.protocol},"
-        f" {len(evaluation.questions)} viewpoints, {evaluation.points:,} points"
-    )
-    return Table(title, HEADINGS, tuple(cells), (NOTE,))
+def _name(result: "MethodResult") -> str:
+    setting = result.setting
+    return result.method if setting == "default" else f"{result.method} ({setting})"
 
 
-def questions_table(evaluation: "Evaluation") -> Table:
-    """Ours for each question: nothing hides behind an average."""
-    row = evaluation.rows[0]
-    cells = [
-        _cells(label, scores, None)[:-2]
-        for label, scores in zip(row.labels, row.scores, strict=True)
-    ]
-    return Table(f"{row.method}, each viewpoint", ("viewpoint", *HEADINGS[1:-2]), tuple(cells))
-
-
-def _name(row: "Row") -> str:
-    return row.method if row.setting == "default" else f"{row.method} ({row.setting})"
-
-
-def _cells(name: str, scores: "Scores", row: "Row | None") -> tuple[str, ...]:
+def _scores(scores: "Scores") -> tuple[str, ...]:
     return (
-        name,
         _text(scores.mcc, ".3f"),
         _text(scores.auc, ".3f"),
         _text(scores.brier, ".3f"),
-        _text(scores.reliability.largest_gap, ".3f"),
+        _text(scores.reliability.max_calibration_error, ".3f"),
         _text(scores.coverage, ".1%"),
         _text(scores.mcc_answered, ".3f"),
         _text(scores.precision_visible, ".1%"),
         _text(scores.precision_occluded, ".1%"),
-        "" if row is None or row.prepare_s == 0 else _text(1e3 * row.prepare_s, ".0f"),
-        "" if row is None else _text(1e3 * row.answer_s, ".0f"),
     )
+
+
+def _times(result: "MethodResult") -> tuple[str, str]:
+    prepare = "" if result.prepare_s == 0 else _text(1e3 * result.prepare_s, ".0f")
+    return prepare, _text(1e3 * result.answer_s, ".0f")
 
 
 def _text(value: float, form: str) -> str:

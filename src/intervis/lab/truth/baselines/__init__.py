@@ -1,48 +1,58 @@
-"""Today's tools for visibility in point clouds, at several settings each, behind one signature.
+"""Baselines: established visibility methods for point clouds, each at several settings.
 
-Every rival answers yes or no (some with a rank): it never says "unknown".
+The modules share one signature, ``predict(inputs, viewpoint, targets, **settings)``:
+
+inputs : InputScans
+    The scans that the method gets.
+viewpoint : (3,) float64 array
+    World frame, z up, metres.
+targets : (M, 3) float64 array
+    World frame, metres.
+
+It returns the (M,) float64 probability of being visible. Most baselines are binary and return 1
+or 0; none has a state "unknown". Each ``predict`` documents its own settings only.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 
 from intervis.arrays import Float64Array
 from intervis.lab.truth.baselines import depth_buffer, hidden_points, horizon, triangulated, voxels
-from intervis.lab.truth.baselines.input_scans import Seen as Seen
+from intervis.lab.truth.baselines.input_scans import InputScans as InputScans
 
-Answer = Callable[[Seen, Float64Array, Float64Array], Float64Array]
-"""``answer(seen, viewpoint, targets)``: probability (M,) of being visible, world frame."""
+Predict = Callable[[InputScans, Float64Array, Float64Array], Float64Array]
+"""``predict(inputs, viewpoint, targets)`` with fixed settings."""
 
 
 @dataclass(frozen=True)
-class Rival:
-    """A tool, and the settings at which it is tried.
+class Baseline:
+    """A method and the settings at which it is evaluated.
 
     Attributes
     ----------
     name : str
-    settings : mapping of str to callable
-        An `Answer` by the setting's name.
+    settings : dict of str to Predict
+        By the name of the setting.
     """
 
     name: str
-    settings: dict[str, Answer] = field(default_factory=dict)
+    settings: dict[str, Predict]
 
 
-def rivals(*, several_scans: bool) -> list[Rival]:
-    """All rivals with all their settings.
+def all_baselines(*, several_scans: bool) -> list[Baseline]:
+    """All baselines with all their settings.
 
     Parameters
     ----------
     several_scans : bool
-        Whether there is more than one scan to see: then surfaces can vote, and hidden point
-        removal, whose hull grows dear, is tried at fewer settings and on fewer scans.
+        Whether the inputs hold more than one scan. Then the triangulated surfaces vote, and hidden
+        point removal, whose convex hull gets slow, runs at one setting and on fewer scans.
 
     Examples
     --------
-    >>> [rival.name for rival in rivals(several_scans=False)][:2]
+    >>> [baseline.name for baseline in all_baselines(several_scans=False)][:2]
     ['hidden point removal', 'depth buffer']
     """
     return [
@@ -54,68 +64,75 @@ def rivals(*, several_scans: bool) -> list[Rival]:
     ]
 
 
-def _hidden_point_removal(factors: tuple[float, ...]) -> Rival:
-    return Rival(
+def _hidden_point_removal(factors: tuple[float, ...]) -> Baseline:
+    return Baseline(
         "hidden point removal",
         {
             f"radius {factor:g} x farthest": partial(
-                hidden_points.answer, radius_factor=factor, each_side=1
+                hidden_points.predict, radius_factor=factor, each_side=1
             )
             for factor in factors
         },
     )
 
 
-def _depth_buffer() -> Rival:
+def _depth_buffer() -> Baseline:
     cells = ((0.2, 0.4), (0.3, 0.6), (0.5, 0.5), (1.0, 1.0))
-    slacks = ((0.3, 0.02), (1.0, 0.02))
-    return Rival(
+    tolerances = ((0.3, 0.02), (1.0, 0.02))
+    return Baseline(
         "depth buffer",
         {
-            f"{azimuth:g} x {elevation:g} deg, {slack:g} m + {share:.0%}": partial(
-                depth_buffer.answer,
+            f"{azimuth:g} x {elevation:g} deg, {tolerance:g} m + {fraction:.0%}": partial(
+                depth_buffer.predict,
                 azimuth_deg=azimuth,
                 elevation_deg=elevation,
-                slack_m=slack,
-                slack_share=share,
+                tolerance_m=tolerance,
+                tolerance_fraction=fraction,
             )
-            for (azimuth, elevation), (slack, share) in product(cells, slacks)
+            for (azimuth, elevation), (tolerance, fraction) in product(cells, tolerances)
         },
     )
 
 
-def _voxels() -> Rival:
-    return Rival(
+def _voxels() -> Baseline:
+    return Baseline(
         "occupancy voxels",
         {
-            f"{edge:g} m, {slack:g} voxels free": partial(
-                voxels.answer, voxel_m=edge, slack_voxels=slack
+            f"{edge:g} m, {tolerance:g} voxels free": partial(
+                voxels.predict, voxel_m=edge, tolerance_voxels=tolerance
             )
-            for edge, slack in product((0.2, 0.3, 0.5), (2.0, 5.0))
+            for edge, tolerance in product((0.2, 0.3, 0.5), (2.0, 5.0))
         },
     )
 
 
-def _horizon() -> Rival:
-    slacks = ((0.0, 0.0), (0.3, 0.02), (1.0, 0.02))
-    return Rival(
+def _horizon() -> Baseline:
+    tolerances = ((0.0, 0.0), (0.3, 0.02), (1.0, 0.02))
+    return Baseline(
         "2.5-D horizon",
         {
-            f"{azimuth:g} deg, {slack:g} m + {share:.0%}": partial(
-                horizon.answer, azimuth_deg=azimuth, slack_m=slack, slack_share=share
+            f"{azimuth:g} deg, {tolerance:g} m + {fraction:.0%}": partial(
+                horizon.predict,
+                azimuth_deg=azimuth,
+                tolerance_m=tolerance,
+                tolerance_fraction=fraction,
             )
-            for azimuth, (slack, share) in product((0.2, 0.5), slacks)
+            for azimuth, (tolerance, fraction) in product((0.2, 0.5), tolerances)
         },
     )
 
 
-def _triangulated(votes: tuple[int, ...]) -> Rival:
-    def setting(jump: float, needed: int) -> Answer:
+def _triangulated(votes: tuple[int, ...]) -> Baseline:
+    def setting(jump: float, needed: int) -> Predict:
         return partial(
-            triangulated.answer, jump_share=jump, slack_m=0.5, slack_share=0.02, votes=needed
+            triangulated.predict,
+            jump_fraction=jump,
+            tolerance_m=0.5,
+            tolerance_fraction=0.02,
+            votes=needed,
         )
 
-    return Rival(
+    return Baseline(
         "triangulated scan",
         {
             f"jumps over {jump:.0%} cut" + (f", {needed} vote(s)" if votes != (1,) else ""): (

@@ -1,57 +1,60 @@
-"""Horizon: in each sector of azimuth, a target is hidden below the highest return before it.
+"""2.5-D horizon: a target is occluded below the highest return before it in its azimuth sector.
 
-What terrain viewsheds do, with the returns as heights: overhanging things hide all that is below
-the line over them.
+This is the rule of terrain viewsheds, with the returns as heights: an overhanging object occludes
+everything below the line over it.
 """
 
 import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
-from intervis.lab.truth.baselines.input_scans import Seen
+from intervis.lab.truth.baselines.input_scans import InputScans
+
+MAX_DISTANCE_M = 9e5
+"""Horizontal distances are clipped to this, so that they stay below the sectors' spacing."""
+SECTOR_SPACING_M = 1e6
+"""Sort key: sector number times this, plus the horizontal distance."""
 
 
-def answer(
-    seen: Seen,
+def predict(
+    inputs: InputScans,
     viewpoint: Float64Array,
     targets: Float64Array,
     *,
     azimuth_deg: float,
-    slack_m: float,
-    slack_share: float,
+    tolerance_m: float,
+    tolerance_fraction: float,
 ) -> Float64Array:
-    """Probability (1 or 0) that targets (M, 3) are visible over the horizon before them.
+    """1 where a target lies on or above the horizon before it, 0 elsewhere; see `baselines`.
 
     Parameters
     ----------
-    seen : Seen
-    viewpoint : (3,) float64 array
-        World frame; its z axis points up.
-    targets : (M, 3) float64 array
-        World frame.
     azimuth_deg : float
         Width of a sector.
-    slack_m, slack_share : float
-        Returns less far before the target than this, plus a share of its range, do not count.
+    tolerance_m, tolerance_fraction : float
+        Returns that lie less than this before the target, plus a fraction of its horizontal
+        distance, are ignored.
     """
     count = len(targets)
-    points = np.vstack([targets, seen.points_world]) - viewpoint
-    flat = np.hypot(points[:, 0], points[:, 1])
-    slope = np.arctan2(points[:, 2], flat)
+    points = np.vstack([targets, inputs.points_world]) - viewpoint
+    horizontal_m = np.hypot(points[:, 0], points[:, 1])
+    elevation_rad = np.arctan2(points[:, 2], horizontal_m)
     azimuth = np.degrees(np.arctan2(points[:, 1], points[:, 0])) + 180.0
     sector = (azimuth / azimuth_deg).astype(np.int64)
-    # one sorted line: sector by sector, and inside a sector by distance
-    key = sector * 1e6 + np.minimum(flat, 9e5)
+    # Returns sorted by sector, and by distance within a sector.
+    key = sector * SECTOR_SPACING_M + np.minimum(horizontal_m, MAX_DISTANCE_M)
     order = np.argsort(key[count:], kind="stable") + count
-    highest = _running_maximum(slope[order], sector[order])
-    asked = sector[:count] * 1e6 + np.clip(flat[:count] * (1 - slack_share) - slack_m, 0.0, 9e5)
-    place = np.searchsorted(key[order], asked) - 1
-    inside = (place >= 0) & (sector[order][place] == sector[:count])
-    horizon = np.where(inside, highest[place], -np.inf)
-    return (slope[:count] >= horizon).astype(np.float64)
+    highest = _running_maximum(elevation_rad[order], sector[order])
+    limit_m = horizontal_m[:count] * (1 - tolerance_fraction) - tolerance_m
+    query = sector[:count] * SECTOR_SPACING_M + np.clip(limit_m, 0.0, MAX_DISTANCE_M)
+    last = np.searchsorted(key[order], query) - 1
+    inside = (last >= 0) & (sector[order][last] == sector[:count])
+    horizon = np.where(inside, highest[last], -np.inf)
+    return (elevation_rad[:count] >= horizon).astype(np.float64)
 
 
-def _running_maximum(slope: Float64Array, sector: IntArray) -> Float64Array:
-    """Highest slope (N,) so far within each run of equal sectors."""
-    lift = sector * 10.0  # slopes lie within +-pi/2: a later sector starts above all earlier ones
-    highest: Float64Array = np.maximum.accumulate(slope + lift) - lift
+def _running_maximum(elevation_rad: Float64Array, sector: IntArray) -> Float64Array:
+    """Highest elevation (N,) so far within each run of equal sectors."""
+    # Elevations lie within +-pi/2: with this offset a sector starts above all earlier ones.
+    offset = sector * 10.0
+    highest: Float64Array = np.maximum.accumulate(elevation_rad + offset) - offset
     return highest

@@ -1,4 +1,4 @@
-"""What a rival is given: the scans it may see, where they were taken, and which is which."""
+"""Input scans: what a method gets to answer one query set."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,8 +10,8 @@ from intervis.transform import transform
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """The scans that a method may see, in the order they were taken.
+class InputScans:
+    """The scans that a method gets, in ascending order of their frame numbers.
 
     Attributes
     ----------
@@ -21,25 +21,25 @@ class Seen:
         Each in its own sensor's frame, metres.
     poses : tuple of (4, 4) float64 arrays
         world_from_velo of each.
-    asked : int
-        Number of the frame whose points are asked about.
+    target_number : int
+        Number of the frame whose returns are the targets.
     viewpoint_number : int
-        Number of the (hidden) frame at the viewpoint.
+        Number of the frame at the viewpoint; its scan may be the hidden reference scan.
     timestamps_s : tuple of float or None
-        When each was taken, seconds after the moment that is asked about (before it: negative);
-        None where the drive does not say.
+        Time of each scan, seconds after the time of the query (negative before it); None where
+        the drive has no timestamps.
     """
 
     numbers: tuple[int, ...]
     scans: tuple[FloatArray, ...]
     poses: tuple[Float64Array, ...]
-    asked: int
+    target_number: int
     viewpoint_number: int
     timestamps_s: tuple[float, ...] | None = None
 
     @cached_property
     def points_world(self) -> Float64Array:
-        """(N, 3) the finite points of all scans together, in the world's frame."""
+        """(N, 3) finite points of all scans together, world frame."""
         if not self.scans:
             return np.empty((0, 3))
         return np.concatenate(
@@ -49,27 +49,31 @@ class Seen:
             ]
         )
 
-    def nearest(self, each_side: int) -> "Seen":
-        """The asked scan and the nearest ones before and after the viewpoint's number.
+    def nearest(self, each_side: int) -> "InputScans":
+        """The target frame, and the nearest `each_side` frames before and after the viewpoint.
+
+        Nearest by frame number.
 
         Examples
         --------
         >>> scan, pose = np.zeros((1, 3)), np.eye(4)
-        >>> seen = Seen((0, 1, 2, 6, 7, 9), (scan,) * 6, (pose,) * 6, 0, 4)
-        >>> seen.nearest(1).numbers
+        >>> inputs = InputScans((0, 1, 2, 6, 7, 9), (scan,) * 6, (pose,) * 6, 0, 4)
+        >>> inputs.nearest(1).numbers
         (0, 2, 6)
         """
         before = [n for n in self.numbers if n < self.viewpoint_number]
         after = [n for n in self.numbers if n > self.viewpoint_number]
-        chosen = {*before[len(before) - min(each_side, len(before)) :], *after[:each_side]}
-        if self.asked in self.numbers:
-            chosen.add(self.asked)
+        chosen = {
+            self.target_number,
+            *before[max(0, len(before) - each_side) :],
+            *after[:each_side],
+        }
         kept = [k for k, number in enumerate(self.numbers) if number in chosen]
-        return Seen(
+        return InputScans(
             tuple(self.numbers[k] for k in kept),
             tuple(self.scans[k] for k in kept),
             tuple(self.poses[k] for k in kept),
-            self.asked,
+            self.target_number,
             self.viewpoint_number,
             self.timestamps_s and tuple(self.timestamps_s[k] for k in kept),
         )

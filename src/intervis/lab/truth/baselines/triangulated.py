@@ -1,4 +1,4 @@
-"""Triangulated scans: each scan becomes a surface over its directions, and rays are cast at it."""
+"""Triangulated scans: each scan is meshed over its directions, and sight lines are cast at it."""
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
@@ -8,25 +8,24 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray, finite_rows
-from intervis.lab.truth.baselines.input_scans import Seen
+from intervis.lab.truth.baselines.input_scans import InputScans
 from intervis.lab.truth.rays import SegmentCaster, caster_of
 from intervis.transform import inverse, transform
 
 SEAM_DEG = 5.0
-"""The chart is continued this far over its seam, so that the surface closes behind the sensor."""
+"""Points this near to azimuth -180 are repeated beyond +180, so that the mesh has no gap there."""
 
 
-def surface(scan: FloatArray, jump_share: float, longest_m: float = np.inf) -> Float64Array:
-    """Triangles (F, 3, 3) over a scan: Delaunay in azimuth and elevation, cut where ranges jump.
+def surface(scan: FloatArray, jump_fraction: float) -> Float64Array:
+    """Triangles (F, 3, 3) over a scan: Delaunay in azimuth and elevation, cut at range jumps.
 
     Parameters
     ----------
     scan : (N, 3) float array
         Sensor frame, metres.
-    jump_share : float
-        A triangle goes when its farthest corner is farther than its nearest one by this share.
-    longest_m : float
-        A triangle goes when an edge of it is longer.
+    jump_fraction : float
+        Triangles whose farthest corner is farther than the nearest one by more than this fraction
+        are removed.
 
     Examples
     --------
@@ -39,104 +38,99 @@ def surface(scan: FloatArray, jump_share: float, longest_m: float = np.inf) -> F
     points, range_m = points[range_m > 0], range_m[range_m > 0]
     azimuth = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
     elevation = np.degrees(np.arcsin(np.clip(points[:, 2] / range_m, -1, 1)))
-    over = np.flatnonzero(azimuth < -180.0 + SEAM_DEG)
-    row = np.concatenate([np.arange(len(points)), over])
-    chart = np.column_stack([np.concatenate([azimuth, azimuth[over] + 360.0]), elevation[row]])
+    repeated = np.flatnonzero(azimuth < -180.0 + SEAM_DEG)
+    row = np.concatenate([np.arange(len(points)), repeated])
+    plane = np.column_stack([np.concatenate([azimuth, azimuth[repeated] + 360.0]), elevation[row]])
     if len(row) < 4:
         return np.empty((0, 3, 3))
-    face = row[Delaunay(chart).simplices]
-    corner_range = range_m[face]
-    near, far = corner_range.min(axis=1), corner_range.max(axis=1)
-    triangles: Float64Array = points[face]
-    edge = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-    kept: Float64Array = triangles[(far <= (1 + jump_share) * near) & (edge <= longest_m)]
-    return kept
+    face = row[Delaunay(plane).simplices]
+    near, far = range_m[face].min(axis=1), range_m[face].max(axis=1)
+    triangles: Float64Array = points[face[far <= (1 + jump_fraction) * near]]
+    return triangles
 
 
 @dataclass
-class Surfaces:
-    """The surfaces made last: pairs of poses share scans, and meshing is the dear part.
+class SurfaceCache:
+    """The ray casters of the scans used last: query sets share scans, and meshing is slow.
 
     Attributes
     ----------
-    most : int
-        How many are kept.
+    size : int
+        Number of casters kept.
     cost_s : float
-        What the surfaces handed out so far cost to make, each time anew.
+        Seconds that all surfaces returned so far would have cost without the cache.
     spent_s : float
-        What was really spent on making them.
+        Seconds actually spent on meshing.
     """
 
-    most: int = 24
+    size: int = 24
     cost_s: float = 0.0
     spent_s: float = 0.0
-    _kept: OrderedDict[tuple[int, float, float], tuple[FloatArray, SegmentCaster, float]] = field(
+    _kept: OrderedDict[tuple[int, float], tuple[FloatArray, SegmentCaster, float]] = field(
         default_factory=OrderedDict
     )
 
-    def of(self, scan: FloatArray, jump_share: float, longest_m: float) -> SegmentCaster:
+    def caster(self, scan: FloatArray, jump_fraction: float) -> SegmentCaster:
         """The ray caster of a scan's surface, in the scan's own frame."""
-        key = (id(scan), jump_share, longest_m)
+        key = (id(scan), jump_fraction)
         if key not in self._kept:
             start = perf_counter()
-            caster = caster_of(surface(scan, jump_share, longest_m))
+            caster = caster_of(surface(scan, jump_fraction))
             took = perf_counter() - start
             self.spent_s += took
-            # the scan is kept as well: as long as it lives, no other array has its id
+            # Holds the scan too: as long as it is alive, no other array can have its id.
             self._kept[key] = (scan, caster, took)
-            while len(self._kept) > self.most:
+            while len(self._kept) > self.size:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
         self.cost_s += self._kept[key][2]
         return self._kept[key][1]
 
 
-SURFACES = Surfaces()
+SURFACES = SurfaceCache()
 
 
-def answer(
-    seen: Seen,
+def predict(
+    inputs: InputScans,
     viewpoint: Float64Array,
     targets: Float64Array,
     *,
-    jump_share: float,
-    slack_m: float,
-    slack_share: float,
-    longest_m: float = np.inf,
+    jump_fraction: float,
+    tolerance_m: float,
+    tolerance_fraction: float,
     each_side: int = 3,
     votes: int = 1,
 ) -> Float64Array:
-    """Probability that targets (M, 3) are visible, by votes of the nearest scans' surfaces.
+    """Votes of the nearest scans' surfaces as a score from 0 to 1; see `baselines`.
 
     Parameters
     ----------
-    seen : Seen
-    viewpoint : (3,) float64 array
-        World frame.
-    targets : (M, 3) float64 array
-        World frame.
-    jump_share, longest_m : float
-        Which triangles are cut; see `surface`.
-    slack_m, slack_share : float
-        A surface this near the target, plus a share of its range, does not hide it.
+    jump_fraction : float
+        As in `surface`.
+    tolerance_m, tolerance_fraction : float
+        A surface this near to the target, plus a fraction of the target's range, does not occlude
+        it.
     each_side : int
-        So many scans before and after the viewpoint vote, and the asked one.
+        Number of scans before and after the viewpoint that vote, beside the target frame's scan.
     votes : int
-        So many surfaces must be in the way; never more than there are scans.
+        Number of surfaces that must block the sight line; at most the number of scans.
 
     Returns
     -------
     (M,) float64 array
-        0.5 or more where fewer surfaces than ``votes`` are in the way. The number falls with
-        every vote, so that it can be ranked; it is no calibrated probability.
+        0.5 or more where fewer than ``votes`` surfaces block the line. The value falls with every
+        vote, so that it can be ranked; it is not a calibrated probability.
     """
-    voters = seen.nearest(each_side)
-    against = np.zeros(len(targets))
-    slack = slack_m + slack_share * np.linalg.norm(targets - viewpoint, axis=1)
+    voters = inputs.nearest(each_side)
+    blocked_count = np.zeros(len(targets))
+    distance_m = np.linalg.norm(targets - viewpoint, axis=1)
+    tolerance = tolerance_m + tolerance_fraction * distance_m
     for scan, pose in zip(voters.scans, voters.poses, strict=True):
-        blocked: BoolArray = SURFACES.of(scan, jump_share, longest_m).blocked(
-            transform(inverse(pose), viewpoint), transform(inverse(pose), targets), slack_m=slack
+        blocked: BoolArray = SURFACES.caster(scan, jump_fraction).blocked(
+            transform(inverse(pose), viewpoint),
+            transform(inverse(pose), targets),
+            slack_m=tolerance,
         )
-        against += blocked
+        blocked_count += blocked
     needed = min(votes, len(voters.scans)) - 0.5
-    return 1.0 / (1.0 + (against / needed) ** 2) if needed > 0 else np.ones(len(targets))
+    return 1.0 / (1.0 + (blocked_count / needed) ** 2) if needed > 0 else np.ones(len(targets))

@@ -1,4 +1,4 @@
-"""Each rival against a double of its own or a case on paper: a weak rival proves nothing."""
+"""Each baseline against a brute-force implementation or a case with a known answer."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intervis.lab.truth.baselines import (
-    Seen,
+    InputScans,
+    all_baselines,
     depth_buffer,
     hidden_points,
     horizon,
-    rivals,
     triangulated,
 )
 from intervis.lab.truth.baselines.voxels import march
@@ -21,52 +21,55 @@ SENSOR_HEIGHT_M = 1.7
 
 
 def street_scan():
-    """Flat ground and a wall: 8 m ahead, 4 m to either side, up to 2 m over the sensor."""
+    """Flat ground and a wall: 8 m ahead, 4 m to either side, up to 2 m above the sensor."""
     azimuth = np.radians(np.arange(-180, 180, 0.7))
     elevation = np.radians(np.arange(-25, 15, 0.5))
     a, e = (grid.ravel() for grid in np.meshgrid(azimuth, elevation))
-    way = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    direction = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     with np.errstate(divide="ignore"):
-        ground = np.where(way[:, 2] < 0, -SENSOR_HEIGHT_M / way[:, 2], np.inf)
-        wall = np.where(way[:, 0] > 0, 8.0 / way[:, 0], np.inf)
-    on_wall = way * np.where(np.isfinite(wall), wall, 0)[:, None]
+        ground = np.where(direction[:, 2] < 0, -SENSOR_HEIGHT_M / direction[:, 2], np.inf)
+        wall = np.where(direction[:, 0] > 0, 8.0 / direction[:, 0], np.inf)
+    on_wall = direction * np.where(np.isfinite(wall), wall, 0)[:, None]
     wall[(np.abs(on_wall[:, 1]) > 4) | (on_wall[:, 2] > 2) | (on_wall[:, 0] == 0)] = np.inf
     reach = np.minimum(ground, wall)
-    return way[reach < 60] * reach[reach < 60, None]
+    return direction[reach < 60] * reach[reach < 60, None]
 
 
 SCAN = street_scan()
-ALONE = Seen((0,), (SCAN,), (np.eye(4),), 0, 1)
+ALONE = InputScans((0,), (SCAN,), (np.eye(4),), 0, 1)
 VIEWPOINT = np.array([3.0, 1.0, 0.2])
 IN_FRONT = SCAN[(SCAN[:, 0] > 7.99) & (SCAN[:, 0] < 8.01) & (np.abs(SCAN[:, 1]) < 3)][::7]
 BEHIND = np.array([[x, y, -1.0] for x in (12.0, 15.0) for y in (-1.0, 0.0, 1.0)])
 
 
 @pytest.mark.parametrize("several", [False, True])
-def test_every_rival_sees_the_wall_and_not_behind_it(several):
+def test_every_baseline_separates_the_wall_from_what_is_behind_it(several):
     targets = np.vstack([IN_FRONT, BEHIND])
-    for rival in rivals(several_scans=several):
+    for baseline in all_baselines(several_scans=several):
         best = 0.0
-        for answer in rival.settings.values():
-            sure = answer(ALONE, VIEWPOINT, targets)
-            assert sure.shape == (len(targets),)
-            assert ((sure >= 0) & (sure <= 1)).all()
-            seen = sure >= 0.5
-            share = np.mean(np.append(seen[: len(IN_FRONT)], ~seen[len(IN_FRONT) :]))
-            best = max(best, share)
-        assert best > 0.95, rival.name
+        for predict in baseline.settings.values():
+            probability = predict(ALONE, VIEWPOINT, targets)
+            assert probability.shape == (len(targets),)
+            assert ((probability >= 0) & (probability <= 1)).all()
+            visible = probability >= 0.5
+            correct = np.append(visible[: len(IN_FRONT)], ~visible[len(IN_FRONT) :])
+            best = max(best, correct.mean())
+        assert best > 0.95, baseline.name
 
 
-def test_rivals_do_not_care_where_the_world_is():
-    moved = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [300.0, -200.0, 5.0])
-    there = Seen((0,), (SCAN,), (moved,), 0, 1)
+def test_baselines_do_not_depend_on_the_world_frame():
+    elsewhere = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [300.0, -200.0, 5.0])
+    there = InputScans((0,), (SCAN,), (elsewhere,), 0, 1)
     targets = np.vstack([IN_FRONT, BEHIND])
-    for rival in rivals(several_scans=False):
-        for name, answer in rival.settings.items():
-            here = answer(ALONE, VIEWPOINT, targets) >= 0.5
-            far = answer(there, transform(moved, VIEWPOINT), transform(moved, targets)) >= 0.5
-            # cells and voxels fall differently after a turn: few answers may
-            assert np.mean(here == far) > 0.9, (rival.name, name)
+    for baseline in all_baselines(several_scans=False):
+        for name, predict in baseline.settings.items():
+            here = predict(ALONE, VIEWPOINT, targets) >= 0.5
+            far = (
+                predict(there, transform(elsewhere, VIEWPOINT), transform(elsewhere, targets))
+                >= 0.5
+            )
+            # the borders of cells and voxels lie elsewhere after the rotation: a few answers change
+            assert np.mean(here == far) > 0.9, (baseline.name, name)
 
 
 def test_hidden_point_removal_on_a_sphere():
@@ -74,7 +77,7 @@ def test_hidden_point_removal_on_a_sphere():
     ball = rng.normal(size=(4000, 3))
     ball /= np.linalg.norm(ball, axis=1)[:, None]
     viewpoint = np.array([0.0, 0.0, 5.0])
-    # the horizon of a unit ball from 5 away lies at z = 1/5; leave a rim to the radius
+    # from 5 away the horizon of a unit ball is at z = 1/5; the finite radius blurs it
     visible = hidden_points.hidden_point_removal(ball, viewpoint, 30.0)
     assert visible[ball[:, 2] > 0.35].all()
     assert not visible[ball[:, 2] < 0.05].any()
@@ -87,17 +90,17 @@ def test_hidden_point_removal_of_few_points():
     assert hidden_points.hidden_point_removal(few, few[0], 10.0)[0]
 
 
-def test_hidden_point_removal_knows_a_target_among_the_points():
-    # a target equal to a point of the scan must get that point's answer, not a duplicate's
-    sure = hidden_points.answer(ALONE, VIEWPOINT, SCAN, radius_factor=100.0)
+def test_hidden_point_removal_of_targets_that_are_points_of_the_scan():
+    # a target equal to a point of the scan gets that point's answer, not that of a duplicate
+    probability = hidden_points.predict(ALONE, VIEWPOINT, SCAN, radius_factor=100.0)
     alone = hidden_points.hidden_point_removal(SCAN, VIEWPOINT, 100.0)
-    assert np.mean(sure == alone) > 0.999
+    assert np.mean(probability == alone) > 0.999
 
 
 def test_depth_buffer_against_every_pair():
     rng = np.random.default_rng(2)
     points, targets = rng.normal(0, 8, (300, 3)), rng.normal(0, 8, (200, 3))
-    seen = Seen((0,), (points,), (np.eye(4),), 0, 1)
+    inputs = InputScans((0,), (points,), (np.eye(4),), 0, 1)
     viewpoint = np.array([0.5, 0.2, 0.1])
 
     def cell(p):
@@ -111,17 +114,23 @@ def test_depth_buffer_against_every_pair():
         r = np.linalg.norm(target - viewpoint)
         beside = [np.linalg.norm(p - viewpoint) for p in points if cell(p) == cell(target)]
         expected.append(not any(near + 0.3 + 0.02 * r < r for near in beside))
-    sure = depth_buffer.answer(
-        seen, viewpoint, targets, azimuth_deg=10, elevation_deg=20, slack_m=0.3, slack_share=0.02
+    probability = depth_buffer.predict(
+        inputs,
+        viewpoint,
+        targets,
+        azimuth_deg=10,
+        elevation_deg=20,
+        tolerance_m=0.3,
+        tolerance_fraction=0.02,
     )
-    assert (sure >= 0.5).tolist() == expected
+    assert (probability >= 0.5).tolist() == expected
     assert 20 < sum(expected) < 180
 
 
 def test_horizon_against_every_pair():
     rng = np.random.default_rng(3)
     points, targets = rng.normal(0, 8, (300, 3)), rng.normal(0, 8, (200, 3))
-    seen = Seen((0,), (points,), (np.eye(4),), 0, 1)
+    inputs = InputScans((0,), (points,), (np.eye(4),), 0, 1)
 
     def polar(p):
         flat = np.hypot(p[0], p[1])
@@ -132,16 +141,18 @@ def test_horizon_against_every_pair():
         sector, flat, slope = polar(target)
         before = [s for a, f, s in map(polar, points) if a == sector and f < flat * 0.98 - 0.3]
         expected.append(not any(s > slope for s in before))
-    sure = horizon.answer(seen, np.zeros(3), targets, azimuth_deg=10, slack_m=0.3, slack_share=0.02)
-    assert (sure >= 0.5).tolist() == expected
+    probability = horizon.predict(
+        inputs, np.zeros(3), targets, azimuth_deg=10, tolerance_m=0.3, tolerance_fraction=0.02
+    )
+    assert (probability >= 0.5).tolist() == expected
     assert 20 < sum(expected) < 180
 
 
-@given(seed=st.integers(0, 2**32 - 1), share=st.sampled_from([0.005, 0.05]))
+@given(seed=st.integers(0, 2**32 - 1), density=st.sampled_from([0.005, 0.05]))
 @settings(max_examples=30, deadline=None)
-def test_march_meets_the_voxels_that_fine_steps_meet(seed, share):
+def test_march_finds_the_voxels_that_fine_steps_find(seed, density):
     rng = np.random.default_rng(seed)
-    occupied = rng.random((20, 24, 16)) < share
+    occupied = rng.random((20, 24, 16)) < density
     origin = rng.uniform(1, 15, 3)
     ends = rng.uniform(1, 15, (40, 3))
     ends[:3] = origin + np.array([[3, 0, 0], [0, -0.5, 0], [0, 0, 0]])  # along axes, and none
@@ -152,7 +163,7 @@ def test_march_meets_the_voxels_that_fine_steps_meet(seed, share):
     for end, free in zip(ends, clear, strict=True):
         cell = np.floor(origin + step * (end - origin)).astype(int)
         met = occupied[cell[:, 0], cell[:, 1], cell[:, 2]]
-        # a corner cut by less than a step can be missed by stepping, never by marching
+        # stepping can miss a corner cut by less than a step, marching cannot
         if met.any() and np.linalg.norm(end - origin) > 0:
             assert not free
         elif not free:
@@ -162,10 +173,10 @@ def test_march_meets_the_voxels_that_fine_steps_meet(seed, share):
             assert grazed.min() < 1e-3
 
 
-def test_march_forgives_near_both_ends():
+def test_march_ignores_voxels_near_both_ends():
     occupied = np.zeros((20, 1, 1), bool)
     origin, end = np.array([0.5, 0.5, 0.5]), np.array([[15.5, 0.5, 0.5]])
-    for filled, slack, expected in [
+    for occupied_x, tolerance, expected in [
         (8, 2.0, False),
         (15, 2.0, True),
         (15, 0.0, False),
@@ -176,10 +187,10 @@ def test_march_forgives_near_both_ends():
         (18, 0.0, True),  # beyond the end
     ]:
         occupied[:] = False
-        occupied[filled] = True
+        occupied[occupied_x] = True
         clear = np.empty(1, np.bool_)
-        march(occupied, origin, end, slack, clear)
-        assert clear[0] == expected, (filled, slack)
+        march(occupied, origin, end, tolerance, clear)
+        assert clear[0] == expected, (occupied_x, tolerance)
 
 
 def test_surface_closes_behind_the_sensor():
@@ -189,53 +200,54 @@ def test_surface_closes_behind_the_sensor():
 
 
 def test_surface_is_cut_where_ranges_jump():
-    # between the wall's side (9 m away) and the ground beside it (19 m) hangs a curtain
+    # triangles bridge the range jump between the wall's side (9 m) and the ground beside it (19 m)
     azimuth, elevation = np.radians(np.linspace(26.0, 27.5, 61)), np.radians(-5.25)
-    way = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.full(61, np.tan(elevation))])
-    curtained, cut = (
-        caster_of(triangulated.surface(SCAN, jump)).first_hit(np.zeros(3), 18 * way)
+    direction = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.full(61, np.tan(elevation))])
+    bridged, cut = (
+        caster_of(triangulated.surface(SCAN, jump)).first_hit(np.zeros(3), 18 * direction)
         for jump in (9.0, 0.2)
     )
-    on_curtain = (curtained > 9.3) & (curtained < 17)
-    assert on_curtain.sum() > 10
-    assert np.isinf(cut[on_curtain]).all()
+    on_bridge = (bridged > 9.3) & (bridged < 17)
+    assert on_bridge.sum() > 10
+    assert np.isinf(cut[on_bridge]).all()
     assert (cut[~np.isinf(cut)] < 9.3).all()
 
 
 def test_votes():
     empty = np.array([[-5.0, 0, 0], [-5, 1, 0], [-5, 0, 1], [-5, 1, 1]])
-    seen = Seen((0, 1, 3), (SCAN, empty, SCAN), (np.eye(4),) * 3, 0, 2)
-    options = {"jump_share": 0.2, "slack_m": 0.5, "slack_share": 0.02}
-    sure = [
-        triangulated.answer(seen, VIEWPOINT, BEHIND, votes=votes, **options) for votes in (1, 2, 3)
+    inputs = InputScans((0, 1, 3), (SCAN, empty, SCAN), (np.eye(4),) * 3, 0, 2)
+    options = {"jump_fraction": 0.2, "tolerance_m": 0.5, "tolerance_fraction": 0.02}
+    probability = [
+        triangulated.predict(inputs, VIEWPOINT, BEHIND, votes=votes, **options)
+        for votes in (1, 2, 3)
     ]
-    assert (sure[0] < 0.5).all()
-    assert (sure[1] < 0.5).all()  # two of three are in the way
-    assert (sure[2] >= 0.5).all()
+    assert (probability[0] < 0.5).all()
+    assert (probability[1] < 0.5).all()  # two of three block the line
+    assert (probability[2] >= 0.5).all()
 
 
-def test_surfaces_are_made_once_and_charged_each_time():
-    surfaces = triangulated.Surfaces(most=2)
-    first = surfaces.of(SCAN, 0.2, np.inf)
+def test_surfaces_are_meshed_once_and_charged_each_time():
+    surfaces = triangulated.SurfaceCache(size=2)
+    first = surfaces.caster(SCAN, 0.2)
     once = surfaces.spent_s
-    assert surfaces.of(SCAN, 0.2, np.inf) is first
+    assert surfaces.caster(SCAN, 0.2) is first
     assert surfaces.spent_s == once > 0
     assert surfaces.cost_s == pytest.approx(2 * once)
     for other in (SCAN[::2], SCAN[::3]):
-        surfaces.of(other, 0.2, np.inf)
-    assert surfaces.of(SCAN, 0.2, np.inf) is not first  # long forgotten
+        surfaces.caster(other, 0.2)
+    assert surfaces.caster(SCAN, 0.2) is not first  # evicted
 
 
 def test_nearest_scans():
     scan, pose = np.zeros((1, 3)), np.eye(4)
-    seen = Seen(tuple(range(10)), (scan,) * 10, (pose,) * 10, 9, 4)
-    assert seen.nearest(2).numbers == (2, 3, 5, 6, 9)
-    assert seen.nearest(0).numbers == (9,)
-    outside = Seen((0, 1, 6), (scan,) * 3, (pose,) * 3, 9, 4)
+    inputs = InputScans(tuple(range(10)), (scan,) * 10, (pose,) * 10, 9, 4)
+    assert inputs.nearest(2).numbers == (2, 3, 5, 6, 9)
+    assert inputs.nearest(0).numbers == (9,)
+    outside = InputScans((0, 1, 6), (scan,) * 3, (pose,) * 3, 9, 4)
     assert outside.nearest(3).numbers == (0, 1, 6)
 
 
-def test_poses_are_undone():
+def test_points_world_applies_the_poses():
     pose = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [10.0, 20.0, 0.0])
-    seen = Seen((0,), (transform(inverse(pose), SCAN),), (pose,), 0, 1)
-    np.testing.assert_allclose(seen.points_world, SCAN, atol=1e-9)
+    inputs = InputScans((0,), (transform(inverse(pose), SCAN),), (pose,), 0, 1)
+    np.testing.assert_allclose(inputs.points_world, SCAN, atol=1e-9)
