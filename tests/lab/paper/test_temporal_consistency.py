@@ -1,4 +1,4 @@
-"""Regions on the world's ground grid, and their overlap, against a slow double and by hand."""
+"""Regions on the ground grid and their overlap, against a point-in-polygon test and by hand."""
 
 import numpy as np
 import pytest
@@ -12,9 +12,9 @@ from intervis.lab.paper.temporal_consistency import (
     COVERED,
     IN_REGION,
     GroundRegion,
-    draw_region,
+    ground_region,
     overlap,
-    steadiness,
+    temporal_consistency,
 )
 
 
@@ -31,7 +31,7 @@ def test_cells_are_those_whose_centre_lies_in_a_triangle(seed, yaw_rad, shift_m)
     triangles = Delaunay(points[:, :2]).simplices.astype(np.int64)
     region = rng.random(len(triangles)) < 0.5
     world = pose(yaw_rad, shift_m, -shift_m)
-    drawn = draw_region(points, triangles, region, world)
+    drawn = ground_region(points, triangles, region, world)
     ground = points[:, :2] @ world[:2, :2].T + world[:2, 3]
     column, row = np.indices(drawn.cells.shape)
     centres = (np.stack([column, row], axis=-1) + drawn.corner + 0.5).reshape(-1, 2) * CELL_M
@@ -44,18 +44,18 @@ def test_cells_are_those_whose_centre_lies_in_a_triangle(seed, yaw_rad, shift_m)
     np.testing.assert_array_equal(drawn.cells.ravel() == IN_REGION, inside[1])
 
 
-def test_a_region_laid_over_itself_by_another_pose_stays():
+def test_a_region_seen_from_another_pose_overlaps_itself():
     axis = np.linspace(0, 20, 21)
     points = np.array([[x, y, 0.0] for x in axis for y in axis])
     triangles = Delaunay(points[:, :2]).simplices.astype(np.int64)
     region = points[triangles][:, :, 0].mean(axis=1) < 10
-    first = draw_region(points, triangles, region, pose(0.0, 0.0, 0.0))
+    first = ground_region(points, triangles, region, pose(0.0, 0.0, 0.0))
     world = pose(0.3, 5.0, -2.0)
     moved = (points - [5.0, -2.0, 0]) @ world[:3, :3]  # the same ground seen from there
-    second = draw_region(moved, triangles, region, world)
+    second = ground_region(moved, triangles, region, world)
     same = overlap(first, second)
     assert same.iou > 0.98
-    assert same.chance == pytest.approx(1 / 3, abs=0.02)  # two halves strewn at random
+    assert same.chance == pytest.approx(1 / 3, abs=0.02)  # two random halves
     assert same.common_m2 == pytest.approx(400.0, rel=0.03)
 
 
@@ -69,9 +69,11 @@ def test_overlap_counts_only_ground_that_both_meshes_cover():
     assert np.isnan(overlap(first, far).iou)
 
 
-def test_scatter_along_a_drive_is_the_sample_deviation():
+def test_measures_along_a_drive():
     region = GroundRegion(np.array([0, 0]), np.full((2, 2), IN_REGION, np.int8))
-    found = steadiness("ours", (4, 5, 6), [region] * 3, [(30.0, 80.0), (32.0, 82.0), (34.0, 84.0)])
+    found = temporal_consistency(
+        "any", (4, 5, 6), [region] * 3, [(30.0, 80.0), (32.0, 82.0), (34.0, 84.0)]
+    )
     assert len(found.overlaps) == 2
     assert found.iou == 1.0
     assert found.TPI.std(ddof=1) == 2.0

@@ -1,4 +1,4 @@
-"""Readings of the paper against the method itself."""
+"""Interpretations of the paper against the method itself."""
 
 import csv
 import io
@@ -11,13 +11,14 @@ from intervis.drives import Frame
 from intervis.lab.paper import printed_values
 from intervis.lab.paper.curve import tpi_curve
 from intervis.lab.paper.interpretations import (
-    chosen_reading,
-    compare_readings,
+    GATE_ONLY,
+    compare_interpretations,
     consecutive_frames,
+    interpretation_of,
     radius_nodes,
     spread_frames,
 )
-from intervis.lab.paper.report import write_readings
+from intervis.lab.paper.report import write_interpretations
 from intervis.lab.paper.tables import choices_table
 
 
@@ -31,37 +32,37 @@ def frame(seed, number=0):
     return Frame(number=number, points=points.astype(np.float32), pose=pose)
 
 
-def test_a_reading_scores_what_the_method_measures():
+def test_an_interpretation_scores_what_the_method_measures():
     frames = [frame(1), frame(2)]
-    scores = compare_readings(
+    scores = compare_interpretations(
         frames,
         [frame(3, 0), frame(3, 1)],
         metrics=["ground"],
         charts=["polar"],
         samplings=["kernel"],
     )
-    assert [score.away for score in scores] == sorted(score.away for score in scores)
-    assert len({score.reading for score in scores}) == len(scores)
+    assert [score.difference for score in scores] == sorted(score.difference for score in scores)
+    assert len({score.interpretation for score in scores}) == len(scores)
     for score in scores:
-        if score.reading.criterion == "not judged":
+        if score.interpretation.criterion == GATE_ONLY:
             continue
         for row, one in enumerate(frames):
-            settings = Settings(tau=50, view="front", **score.reading._asdict())
+            settings = Settings(tau=50, view="front", **score.interpretation._asdict())
             measured = analyze(one.points, settings=settings).measures.TPI
             assert score.TPI[row, printed_values.TAUS.index(50)] == pytest.approx(measured)
         assert score.TPI_std >= 0
         assert np.isnan(score.iou) or 0 <= score.iou <= 1
 
 
-def test_the_gate_alone_is_never_less_than_the_gate_with_judgement():
+def test_the_gate_alone_passes_at_least_what_the_whole_algorithm_passes():
     scores = {
-        score.reading: score
-        for score in compare_readings(
+        score.interpretation: score
+        for score in compare_interpretations(
             [frame(5)], metrics=["ground"], charts=["ground"], samplings=["stride"]
         )
     }
-    for reading, score in scores.items():
-        alone = scores[reading._replace(criterion="not judged", concave_boundary="every")]
+    for one, score in scores.items():
+        alone = scores[one._replace(criterion=GATE_ONLY, concave_boundary="every")]
         assert (score.TPI <= alone.TPI + 1e-9).all()
 
 
@@ -72,21 +73,21 @@ def test_a_radius_is_found_that_gives_as_many_nodes_as_a_granularity():
         assert found == pytest.approx(3000 / tau, rel=0.15)
 
 
-def test_tables_of_readings_change_one_choice_at_a_time(tmp_path):
-    scores = compare_readings(
+def test_tables_of_interpretations_change_one_choice_at_a_time(tmp_path):
+    scores = compare_interpretations(
         [frame(5)], metrics=["ground", "euclidean"], charts=["ground"], samplings=["kernel"]
     )
-    reading = chosen_reading(Settings())
-    table = choices_table(scores, reading)
-    assert table.rows[0][1] == ", ".join(reading)
+    default = interpretation_of(Settings())
+    table = choices_table(scores, default)
+    assert table.rows[0][1] == ", ".join(default)
     assert ("metric", "euclidean") in {row[:2] for row in table.rows}
     for choice, name, *_ in table.rows[1:]:
-        assert getattr(reading, choice) != name
-    paths = write_readings(scores, tpi_curve([frame(5)]), reading, ["made"], tmp_path)
+        assert getattr(default, choice) != name
+    paths = write_interpretations(scores, tpi_curve([frame(5)]), default, ["made"], tmp_path)
     rows = list(csv.DictReader(io.StringIO(paths[1].read_text())))
     assert len(rows) == len(scores)
-    assert float(rows[0]["away"]) <= float(rows[-1]["away"])
-    assert "# Readings" in paths[0].read_text()
+    assert float(rows[0]["difference"]) <= float(rows[-1]["difference"])
+    assert "# Interpretations" in paths[0].read_text()
 
 
 def test_frames_are_spread_from_the_first_to_the_last(tmp_path):
