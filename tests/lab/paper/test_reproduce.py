@@ -71,6 +71,7 @@ def test_one_command_writes_everything_and_says_what_is_missing(tmp_path, capsys
     assert "settings" in text.lower()
     captured = capsys.readouterr()
     assert "report.html" in captured.out
+    assert "criterion: ARR at least 99 %" in captured.out
     assert "no camera" in captured.err
 
 

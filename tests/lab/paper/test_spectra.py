@@ -1,6 +1,7 @@
 """Power spectra against Parseval's theorem and known signals."""
 
 import numpy as np
+import pytest
 
 from intervis.lab.paper.spectra import power_spectra
 
@@ -22,3 +23,11 @@ def test_white_noise_is_flat_and_a_wave_is_not(rng):
 
 def test_a_handful_of_points_has_no_spectrum():
     assert all(len(spectrum.power) == 0 for spectrum in power_spectra(np.zeros((5, 3))))
+
+
+def test_the_standard_error_of_flatness_is_that_of_repeated_noise(rng):
+    noise = [power_spectra(rng.normal(size=(512, 3))) for _ in range(200)]
+    flatness = np.array([[spectrum.flatness for spectrum in three] for three in noise])
+    errors = np.array([[spectrum.flatness_error for spectrum in three] for three in noise])
+    assert errors.mean() == pytest.approx(flatness.std(ddof=1), rel=0.1)
+    assert all(one.flatness_error == 0.0 for one in power_spectra(np.zeros((5, 3))))

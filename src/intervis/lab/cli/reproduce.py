@@ -48,7 +48,7 @@ def reproduce(
     from intervis.drives import open_drive
     from intervis.lab.paper.drive_experiment import run_drive, steps_of_drive
     from intervis.lab.paper.report import make_folders, write_paper_report
-    from intervis.lab.paper.tables import claims_table, table_2, table_4
+    from intervis.lab.paper.tables import table_2, table_4
 
     drive = open_drive(source, camera=camera)
     number = drive.frame_numbers[0] if frame is None else frame
@@ -66,15 +66,13 @@ def reproduce(
             progress=advance,
         )
     report = write_paper_report(drive, experiment, out)
-    for table in (
-        table_2(experiment.frame),
-        table_4(experiment.frame),
-        claims_table(experiment.claims),
-    ):
+    for table in (table_2(experiment.frame), table_4(experiment.frame)):
         show(table.as_text() + "\n")
+    for claim in experiment.claims:
+        show(claim.as_text())
     for note in (*experiment.notes, *([f"note: {report.missing}"] if report.missing else [])):
         tell(note)
-    show(f"Report: {out / 'report.html'}")
+    show(f"\nReport: {out / 'report.html'}")
 
 
 def interpretations(

@@ -73,6 +73,15 @@ class Claim:
     result: str
     remark: str
 
+    def as_text(self) -> str:
+        """Claim, result, numbers and criterion in four lines."""
+        return (
+            f"{self.claim}: {self.result}\n"
+            f"    paper:     {self.printed}\n"
+            f"    here:      {self.measured}\n"
+            f"    criterion: {self.criterion}"
+        )
+
 
 def check_claims(
     result: FrameExperiment, consistency: Sequence[TemporalConsistency] = ()
