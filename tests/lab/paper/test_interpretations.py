@@ -12,8 +12,10 @@ from intervis.lab.paper import printed_values
 from intervis.lab.paper.curve import tpi_curve
 from intervis.lab.paper.interpretations import (
     GATE_ONLY,
+    InterpretationScore,
     compare_interpretations,
     consecutive_frames,
+    count_geometries,
     interpretation_of,
     radius_nodes,
     spread_frames,
@@ -52,6 +54,30 @@ def test_an_interpretation_scores_what_the_method_measures():
             assert score.TPI[row, printed_values.TAUS.index(50)] == pytest.approx(measured)
         assert score.TPI_std >= 0
         assert np.isnan(score.iou) or 0 <= score.iou <= 1
+
+
+def test_differences_to_table_2_are_those_of_frames_and_of_their_mean():
+    table = np.array([row.TPI for row in printed_values.TABLE_2.values()])
+    offset = np.zeros(10)
+    offset[0] = -7.0
+    frames = np.stack([table + 3.0, table - 1.0 + offset])
+    score = InterpretationScore(interpretation_of(Settings()), frames, 0.0, 0.0)
+    assert score.difference == pytest.approx((10 * 3.0 + 9 * 1.0 + 8.0) / 20)
+    assert score.difference_of_mean == pytest.approx((9 * 1.0 + 2.5) / 10)
+    assert score.greatest_of_mean == pytest.approx(2.5)
+
+
+def test_progress_of_a_comparison_is_called_once_for_each_geometry():
+    notes = []
+    compare_interpretations(
+        [frame(1)],
+        metrics=["ground"],
+        charts=["ground", "polar"],
+        samplings=["stride"],
+        progress=notes.append,
+    )
+    assert notes == ["stride, ground, ground", "stride, ground, polar"]
+    assert count_geometries() == 36
 
 
 def test_the_gate_alone_passes_at_least_what_the_whole_algorithm_passes():
@@ -99,3 +125,11 @@ def test_frames_are_spread_from_the_first_to_the_last(tmp_path):
     assert [one.number for one in spread_frames(drive, 3)] == [0, 4, 8]
     assert len(spread_frames(drive, 40)) == 9
     assert consecutive_frames([drive]) == []
+    posed = tmp_path / "posed"
+    posed.mkdir()
+    for number in range(3):
+        (tmp_path / f"{number:06d}.bin").rename(posed / f"{number:06d}.bin")
+    (posed / "poses.txt").write_text(3 * "1 0 0 0 0 1 0 0 0 0 1 0\n")
+    drives = [drive, open_drive(posed)]
+    assert [one.number for one in consecutive_frames(drives, 2)] == [0, 1]
+    assert [one.number for one in consecutive_frames(drives)] == [0, 1, 2]

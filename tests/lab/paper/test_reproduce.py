@@ -14,7 +14,7 @@ from intervis.cli import exit_code
 from intervis.drives import Frame
 from intervis.errors import IntervisError
 from intervis.lab.paper import experiment as module
-from intervis.lab.paper.experiment import agreement, run_frame, steps_of_frame, usable
+from intervis.lab.paper.experiment import run_frame, usable
 from intervis.plots import style
 
 PNG = ("03", "04", "05", "06", "07", "08", "09", "10")
@@ -161,21 +161,6 @@ def test_nothing_in_view_turns_to_the_full_circle_and_says_so():
     assert any("full circle" in note for note in notes)
     with pytest.raises(IntervisError):
         usable(Frame(0, np.full((5, 3), np.nan, np.float32)), Settings())
-
-
-def test_progress_is_called_as_often_as_announced():
-    notes = []
-    run_frame(Frame(0, rough_ground(9, 500)[:, :3]), with_global=False, progress=notes.append)
-    assert len(notes) == steps_of_frame(with_global=False)
-
-
-def test_agreement_is_whole_with_itself_and_none_by_chance(result):
-    same = agreement(result.interpolation, result.interpolation)
-    assert same.share == 100.0
-    assert same.correlation == pytest.approx(1.0)
-    other = agreement(result.proposed, result.global_lines)
-    assert other.nodes == result.proposed.measures.n
-    assert -1 <= other.correlation <= 1
 
 
 @pytest.mark.realdata

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from intervis.lab.paper.spectra import power_spectra
+from intervis.lab.paper.spectra import Spectrum, power_spectra
 
 
 def test_a_spectrum_holds_the_variance_of_its_coordinate(rng):
@@ -30,4 +30,6 @@ def test_the_standard_error_of_flatness_is_that_of_repeated_noise(rng):
     flatness = np.array([[spectrum.flatness for spectrum in three] for three in noise])
     errors = np.array([[spectrum.flatness_error for spectrum in three] for three in noise])
     assert errors.mean() == pytest.approx(flatness.std(ddof=1), rel=0.1)
+    nine = Spectrum(*4 * [np.empty(9)], flatness=0.5)
+    assert nine.flatness_error == pytest.approx(0.5 * np.sqrt((np.pi**2 / 6 - 1) / 8))
     assert all(one.flatness_error == 0.0 for one in power_spectra(np.zeros((5, 3))))

@@ -49,7 +49,7 @@ class SweepPoint:
     hull : int
         h, number of edges on the border of the mesh.
     copies : int
-        Nodes in no triangle, since another node has the same position.
+        Nodes in no triangle, since another node has the same position on the surface.
     times : StageTimes
         The least time of each stage over the runs.
     """
