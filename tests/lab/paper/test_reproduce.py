@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from intervis.cli import exit_code
 from intervis.drives import Frame
 from intervis.errors import IntervisError
 from intervis.lab.paper import experiment as module
+from intervis.lab.paper import interpretations
 from intervis.lab.paper.experiment import run_frame, usable
 from intervis.plots import style
 
@@ -161,6 +163,27 @@ def test_nothing_in_view_turns_to_the_full_circle_and_says_so():
     assert any("full circle" in note for note in notes)
     with pytest.raises(IntervisError):
         usable(Frame(0, np.full((5, 3), np.nan, np.float32)), Settings())
+
+
+def test_the_interpretations_command_writes_its_tables(tmp_path, capsys, monkeypatch):
+    one = {"metrics": ["ground"], "charts": ["ground"], "samplings": ["kernel"]}
+    monkeypatch.setattr(
+        interpretations,
+        "compare_interpretations",
+        partial(interpretations.compare_interpretations, **one),
+    )
+    drive = write_drive(tmp_path / "drive", [rough_ground(1, 400), rough_ground(2, 400)])
+    out = tmp_path / "out"
+    assert exit_code(["interpretations", str(drive), "--out", str(out), "--frames", "1"]) == 0
+    captured = capsys.readouterr()
+    assert "One choice changed at a time" in captured.out
+    assert "interpretations.csv" in captured.err
+    rows = cells(out / "interpretations.csv")
+    assert len(rows) == 35
+    assert {row["metric"] for row in rows} == {"ground"}
+    assert "Frames: drive 0." in (out / "interpretations.md").read_text()
+    assert cells(out / "granularity.csv")[0]["tau"] == "1"
+    assert (out / "granularity.svg").is_file()
 
 
 @pytest.mark.realdata

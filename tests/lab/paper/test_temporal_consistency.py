@@ -10,10 +10,14 @@ from scipy.spatial import Delaunay
 from intervis.lab.paper.temporal_consistency import (
     CELL_M,
     COVERED,
+    EMPTY,
     IN_REGION,
     GroundRegion,
+    Overlap,
+    TemporalConsistency,
     ground_region,
     overlap,
+    sample_std,
     temporal_consistency,
 )
 
@@ -44,6 +48,28 @@ def test_cells_are_those_whose_centre_lies_in_a_triangle(seed, yaw_rad, shift_m)
     np.testing.assert_array_equal(drawn.cells.ravel() == IN_REGION, inside[1])
 
 
+@pytest.mark.parametrize("along", [0, 1])
+def test_a_triangle_without_area_covers_no_cell(along):
+    points = np.full((4, 3), CELL_M / 2)
+    points[:, along] = [0.0, 2.0, 5.0, 3.0]
+    points[3, 1 - along] = 4.0
+    flat, full = np.array([[0, 1, 2]]), np.array([[0, 1, 2], [0, 2, 3]])
+    nothing = ground_region(points, flat, np.array([True]), np.eye(4))
+    assert (nothing.cells == EMPTY).all()
+    alone = ground_region(points, full[1:], np.array([True]), np.eye(4))
+    both = ground_region(points, full, np.array([True, True]), np.eye(4))
+    np.testing.assert_array_equal(both.cells, alone.cells)
+    assert (alone.cells == IN_REGION).sum() > 20
+
+
+def test_no_triangles_cover_no_ground():
+    empty = ground_region(
+        np.zeros((2, 3)), np.empty((0, 3), np.int64), np.empty(0, bool), np.eye(4)
+    )
+    assert empty.cells.tolist() == [[EMPTY]]
+    assert np.isnan(overlap(empty, empty).iou)
+
+
 def test_a_region_seen_from_another_pose_overlaps_itself():
     axis = np.linspace(0, 20, 21)
     points = np.array([[x, y, 0.0] for x in axis for y in axis])
@@ -65,6 +91,7 @@ def test_overlap_counts_only_ground_that_both_meshes_cover():
     second.cells[:, :2] = IN_REGION
     shared = overlap(first, second)
     assert (shared.iou, shared.common_m2) == (0.5, 8 * CELL_M**2)
+    assert shared.chance == 0.5  # all of the 8 cells are in the first region, half in the second
     far = GroundRegion(np.array([90, 90]), first.cells)
     assert np.isnan(overlap(first, far).iou)
 
@@ -77,4 +104,19 @@ def test_measures_along_a_drive():
     assert len(found.overlaps) == 2
     assert found.iou == 1.0
     assert found.TPI.std(ddof=1) == 2.0
+    assert found.nodes_intervisible.tolist() == [80.0, 82.0, 84.0]
+    assert sample_std(found.TPI) == 2.0
+    assert np.isnan(sample_std([1.0]))
     assert found.area_m2.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_pairs_without_a_region_do_not_count():
+    unknown = Overlap(np.nan, np.nan, 0.0)
+    overlaps = (Overlap(0.6, 0.2, 1.0), unknown, Overlap(0.8, 0.4, 1.0))
+    found = TemporalConsistency("any", (1, 2, 3, 4), overlaps, *3 * [np.zeros(4)])
+    assert found.iou == pytest.approx(0.7)
+    assert found.chance == pytest.approx(0.3)
+    assert found.beyond_chance == pytest.approx(0.4 / 0.7)
+    none = TemporalConsistency("any", (1, 2), (unknown,), *3 * [np.zeros(2)])
+    assert np.isnan(none.iou)
+    assert np.isnan(none.beyond_chance)
