@@ -41,7 +41,7 @@ def test_an_interpretation_scores_what_the_method_measures():
         [frame(3, 0), frame(3, 1)],
         metrics=["ground"],
         charts=["polar"],
-        samplings=["kernel"],
+        samplings=["kernel", "stride"],
     )
     assert [score.difference for score in scores] == sorted(score.difference for score in scores)
     assert len({score.interpretation for score in scores}) == len(scores)

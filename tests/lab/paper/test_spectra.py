@@ -22,7 +22,9 @@ def test_white_noise_is_flat_and_a_wave_is_not(rng):
 
 
 def test_a_handful_of_points_has_no_spectrum():
-    assert all(len(spectrum.power) == 0 for spectrum in power_spectra(np.zeros((5, 3))))
+    assert all(len(spectrum.power) == 0 for spectrum in power_spectra(np.zeros((7, 3))))
+    assert all(len(spectrum.power) == 5 for spectrum in power_spectra(np.zeros((8, 3))))
+    assert all(spectrum.flatness == 0.0 for spectrum in power_spectra(np.zeros((8, 3))))
 
 
 def test_the_standard_error_of_flatness_is_that_of_repeated_noise(rng):
