@@ -29,6 +29,12 @@ def short(monkeypatch):
     monkeypatch.setattr(experiment.printed_values, "RUNS", 2)
 
 
+def test_the_sweep_reaches_from_every_return_to_the_coarsest_granularity_of_table_2():
+    assert experiment.SWEEP[0] == 1
+    assert experiment.SWEEP[-1] == experiment.printed_values.TAUS[-1] == 100
+    assert set(experiment.printed_values.TAUS) <= set(experiment.SWEEP)
+
+
 def frame(count=500):
     return Frame(0, rough_ground(9, count)[:, :3])
 

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from matplotlib.path import Path as Outline
 from scipy.spatial import Delaunay
 
+from intervis import Settings, analyze
+from intervis.lab.paper.printed_values import GLOBAL_POINTS, INTERPOLATION_POINTS, PROPOSED
 from intervis.lab.paper.temporal_consistency import (
     CELL_M,
     COVERED,
@@ -15,11 +17,14 @@ from intervis.lab.paper.temporal_consistency import (
     GroundRegion,
     Overlap,
     TemporalConsistency,
+    follow_drive,
     ground_region,
     overlap,
     sample_std,
     temporal_consistency,
 )
+from intervis.method.comparison import global_points, interpolation_points
+from small_drive import MemoryDrive
 
 
 def pose(yaw_rad, x, y):
@@ -108,6 +113,31 @@ def test_measures_along_a_drive():
     assert sample_std(found.TPI) == 2.0
     assert np.isnan(sample_std([1.0]))
     assert found.area_m2.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_the_methods_are_measured_on_the_same_frames():
+    drive = MemoryDrive(with_camera=False, poses={k: pose(0.1 * k, 0.3 * k, 0.0) for k in range(3)})
+    settings = Settings(tau=5, view="circle")
+    notes = []
+    both = follow_drive(drive, (0, 2), settings, with_global=False, progress=notes.append)
+    assert len(notes) == 2
+    results = {
+        PROPOSED: lambda points: analyze(points, settings=settings),
+        INTERPOLATION_POINTS: lambda points: interpolation_points(points, settings=settings),
+        GLOBAL_POINTS: global_points,
+    }
+    assert [one.method for one in both] == [PROPOSED, INTERPOLATION_POINTS]
+    for one in follow_drive(drive, (0, 2), settings):
+        expected = [results[one.method](drive[k].points) for k in (0, 2)]
+        assert one.numbers == (0, 2)
+        assert one.TPI.tolist() == [found.measures.TPI for found in expected]
+        share = [np.mean(found.node_intervisible) for found in expected]
+        assert one.nodes_intervisible == pytest.approx(100 * np.array(share))
+        regions = [
+            ground_region(found.node_points, found.triangles, found.region, drive[k].pose)
+            for k, found in zip((0, 2), expected, strict=True)
+        ]
+        assert one.overlaps == (overlap(*regions),)
 
 
 def test_pairs_without_a_region_do_not_count():
