@@ -187,7 +187,7 @@ def test_scatter_of_times_is_compared_with_the_papers(result, relative, expected
     for number, tau in enumerate(printed_values.TAUS):
         std = relative[0] if number else relative[1]
         half = std / np.sqrt(2)  # two runs at 1 - half and 1 + half have this sample deviation
-        seconds = np.outer([1 - half, 1 + half], [0.2, 0.3, 0.5])
+        seconds = np.outer([1 - half, 1 + half], [0.4, 0.6, 1.0])
         timed[tau] = replace(result.timed[tau], stages=stages, seconds=seconds)
         assert timed[tau].relative_std == pytest.approx(100 * std)
     changed = replace(result, timed=timed)

@@ -97,6 +97,10 @@ def test_overlap_counts_only_ground_that_both_meshes_cover():
     shared = overlap(first, second)
     assert (shared.iou, shared.common_m2) == (0.5, 8 * CELL_M**2)
     assert shared.chance == 0.5  # all of the 8 cells are in the first region, half in the second
+    second.cells[0, :] = EMPTY  # leaves one column of four cells that both cover
+    for one, other in ((first, second), (second, first)):
+        holed = overlap(one, other)
+        assert (holed.iou, holed.common_m2) == (0.5, 4 * CELL_M**2)
     far = GroundRegion(np.array([90, 90]), first.cells)
     assert np.isnan(overlap(first, far).iou)
 
