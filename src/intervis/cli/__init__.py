@@ -17,7 +17,7 @@ COMMANDS = {
     "sight": "intervis.cli.sight",
     "evaluate": "intervis.lab.cli.evaluate",
     "reproduce": "intervis.lab.cli.reproduce",
-    "readings": "intervis.lab.cli.reproduce",
+    "interpretations": "intervis.lab.cli.reproduce",
     "simulate": "intervis.lab.cli.world",
     "demo": "intervis.lab.cli.world",
     "calibrate": "intervis.lab.cli.calibrate",

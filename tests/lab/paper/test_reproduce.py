@@ -1,11 +1,13 @@
-"""The whole experiment on small drives: what is there, and what is said of what is not."""
+"""The experiments on small drives: files written, and notes on what is left out."""
 
 import csv
 import io
 import re
+from functools import partial
 
 import numpy as np
 import pytest
+from rough_ground import rough_ground
 
 from intervis import Settings, open_drive
 from intervis.camera import Camera
@@ -13,8 +15,8 @@ from intervis.cli import exit_code
 from intervis.drives import Frame
 from intervis.errors import IntervisError
 from intervis.lab.paper import experiment as module
-from intervis.lab.paper.claims import check_claims, identity_residuals
-from intervis.lab.paper.experiment import agreement, run_frame, steps_of_frame, usable
+from intervis.lab.paper import interpretations
+from intervis.lab.paper.experiment import run_frame, usable
 from intervis.plots import style
 
 PNG = ("03", "04", "05", "06", "07", "08", "09", "10")
@@ -22,18 +24,11 @@ PNG = ("03", "04", "05", "06", "07", "08", "09", "10")
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
-    """Few runs and coarse pictures: neither times nor looks are tested here."""
+    """Few runs and coarse pictures: neither times nor pictures are tested here."""
     monkeypatch.setattr(style, "DPI", 40)
     monkeypatch.setattr(module, "SWEEP", (1, 5, 35, *module.printed_values.TAUS))
     monkeypatch.setattr(module, "SWEEP_RUNS", 1)
     monkeypatch.setattr(module.printed_values, "RUNS", 2)
-
-
-def scan(seed=0, count=4000):
-    rng = np.random.default_rng(seed)
-    ground = np.column_stack([rng.uniform(4, 40, (count, 1)), rng.uniform(-15, 15, (count, 1))])
-    rise = np.where(rng.random(count) < 0.2, rng.uniform(0, 2, count), 0.0)
-    return np.column_stack([ground, -1.7 + rise, rng.random(count)]).astype(np.float32)
 
 
 def write_drive(folder, scans, poses=True):
@@ -55,9 +50,9 @@ def reproduce(source, out, *more):
 
 
 def test_one_command_writes_everything_and_says_what_is_missing(tmp_path, capsys):
-    drive = write_drive(tmp_path / "drive", [scan(1, 1500), scan(1, 1500)])
+    drive = write_drive(tmp_path / "drive", [rough_ground(1, 1500), rough_ground(1, 1500)])
     out = tmp_path / "out"
-    assert reproduce(drive, out, "--steady-frames", "2") == 0
+    assert reproduce(drive, out, "--consecutive-frames", "2") == 0
     for number in PNG:
         assert (out / "figures" / f"figure-{number}.png").read_bytes()[:4] == b"\x89PNG"
     for number in ("04", "05", "09", "10"):
@@ -78,36 +73,39 @@ def test_one_command_writes_everything_and_says_what_is_missing(tmp_path, capsys
     assert "settings" in text.lower()
     captured = capsys.readouterr()
     assert "report.html" in captured.out
+    assert "criterion: ARR at least 99 %" in captured.out
     assert "no camera" in captured.err
 
 
-def test_without_poses_or_with_a_single_scan_steadiness_is_left_out(tmp_path):
-    several = write_drive(tmp_path / "several", [scan(1, 900), scan(2, 900)], poses=False)
+def test_without_poses_or_with_a_single_scan_temporal_consistency_is_left_out(tmp_path):
+    several = write_drive(
+        tmp_path / "several", [rough_ground(1, 900), rough_ground(2, 900)], poses=False
+    )
     single = several / "000000.bin"
     for source, reason in ((several, "no poses"), (single, "a single frame")):
         out = tmp_path / reason.replace(" ", "-")
         assert reproduce(source, out, "--no-global-points") == 0
         text = (out / "report.md").read_text()
-        assert f"Steadiness from frame to frame is left out: the frames have {reason}" in text or (
+        assert f"Temporal consistency is left out: the frames have {reason}" in text or (
             f"left out: there is {reason}" in text
         )
-        assert "Global points was not asked for" in text
-        assert not (out / "tables" / "steadiness.csv").exists()
+        assert "Global points was not requested" in text
+        assert not (out / "tables" / "temporal-consistency.csv").exists()
 
 
 def test_a_few_returns_give_what_they_can(tmp_path):
-    drive = write_drive(tmp_path / "few", [scan(3, 40)])
+    drive = write_drive(tmp_path / "few", [rough_ground(3, 40)])
     assert reproduce(drive, tmp_path / "out") == 0
     text = (tmp_path / "out" / "report.md").read_text()
     assert re.search(r"Returns in view: \d+ only", text)
     rows = cells(tmp_path / "out" / "tables" / "table-2.csv")
     assert rows[-1]["TPI %"] == "–"
-    assert "not judged" in text
+    assert "not checked" in text
     assert "nan" not in re.sub(r"\S+\.\S+", "", text)
 
 
-def test_wrong_requests_are_told_in_a_sentence(tmp_path, capsys):
-    drive = write_drive(tmp_path / "drive", [scan(4, 300)])
+def test_wrong_requests_get_one_sentence(tmp_path, capsys):
+    drive = write_drive(tmp_path / "drive", [rough_ground(4, 300)])
     (tmp_path / "file").write_text("x")
     for arguments in (
         [drive, tmp_path / "a", "--frame", "7"],
@@ -132,7 +130,9 @@ def with_image(folder, size):
     image = pytest.importorskip("PIL.Image")
     path = folder / "image.png"
     image.new("RGB", size).save(path)
-    return Frame(0, scan(5)[:, :3], camera=camera(), cam_from_velo=CAM_FROM_VELO, image_path=path)
+    return Frame(
+        0, rough_ground(5)[:, :3], camera=camera(), cam_from_velo=CAM_FROM_VELO, image_path=path
+    )
 
 
 def test_an_image_of_another_size_is_left_out_and_said(tmp_path):
@@ -146,7 +146,7 @@ def test_an_image_of_another_size_is_left_out_and_said(tmp_path):
     (tmp_path / "image.png").write_bytes(b"no picture")
     broken = Frame(
         0,
-        scan(5)[:, :3],
+        rough_ground(5)[:, :3],
         camera=camera(),
         cam_from_velo=CAM_FROM_VELO,
         image_path=tmp_path / "image.png",
@@ -156,7 +156,7 @@ def test_an_image_of_another_size_is_left_out_and_said(tmp_path):
 
 
 def test_nothing_in_view_turns_to_the_full_circle_and_says_so():
-    behind = scan(6)[:, :3] * np.array([-1, 1, 1], np.float32)
+    behind = rough_ground(6)[:, :3] * np.array([-1, 1, 1], np.float32)
     frame = Frame(0, behind, camera=camera(), cam_from_velo=CAM_FROM_VELO)
     _, settings, notes = usable(frame, Settings())
     assert settings.view == "circle"
@@ -165,47 +165,25 @@ def test_nothing_in_view_turns_to_the_full_circle_and_says_so():
         usable(Frame(0, np.full((5, 3), np.nan, np.float32)), Settings())
 
 
-@pytest.fixture(scope="module")
-def result():
-    module.SWEEP_RUNS, module.printed_values.RUNS, kept = (
-        1,
-        2,
-        (module.SWEEP_RUNS, module.printed_values.RUNS),
+def test_the_interpretations_command_writes_its_tables(tmp_path, capsys, monkeypatch):
+    one = {"metrics": ["ground"], "charts": ["ground"], "samplings": ["kernel"]}
+    monkeypatch.setattr(
+        interpretations,
+        "compare_interpretations",
+        partial(interpretations.compare_interpretations, **one),
     )
-    try:
-        return run_frame(Frame(0, scan(8, 2000)[:, :3]))
-    finally:
-        module.SWEEP_RUNS, module.printed_values.RUNS = kept
-
-
-def test_progress_tells_of_as_many_steps_as_there_are():
-    told = []
-    run_frame(Frame(0, scan(9, 500)[:, :3]), with_global=False, step=told.append)
-    assert len(told) == steps_of_frame(with_global=False)
-
-
-def test_counts_follow_the_formulas_at_every_granularity(result):
-    assert {identity_residuals(step) for step in result.sweep.values()} == {(0, 0, 0)}
-
-
-def test_every_claim_has_a_verdict_and_both_numbers(result):
-    claims = check_claims(result)
-    assert len(claims) >= 13
-    for claim in claims:
-        assert claim.verdict in ("holds", "holds partly", "does not hold", "in the tables")
-        assert claim.paper
-        assert claim.ours
-        assert claim.remark
-        assert "nan" not in claim.ours + claim.remark
-
-
-def test_agreement_is_whole_with_itself_and_none_by_chance(result):
-    same = agreement(result.interpolation, result.interpolation)
-    assert same.share == 100.0
-    assert same.correlation == pytest.approx(1.0)
-    other = agreement(result.ours, result.everything)
-    assert other.nodes == result.ours.measures.n
-    assert -1 <= other.correlation <= 1
+    drive = write_drive(tmp_path / "drive", [rough_ground(1, 400), rough_ground(2, 400)])
+    out = tmp_path / "out"
+    assert exit_code(["interpretations", str(drive), "--out", str(out), "--frames", "1"]) == 0
+    captured = capsys.readouterr()
+    assert "One choice changed at a time" in captured.out
+    assert "interpretations.csv" in captured.err
+    rows = cells(out / "interpretations.csv")
+    assert len(rows) == 35
+    assert {row["metric"] for row in rows} == {"ground"}
+    assert "Frames: drive 0." in (out / "interpretations.md").read_text()
+    assert cells(out / "granularity.csv")[0]["tau"] == "1"
+    assert (out / "granularity.svg").is_file()
 
 
 @pytest.mark.realdata

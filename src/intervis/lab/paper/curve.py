@@ -1,6 +1,7 @@
-"""What coarser sampling costs: TPI lost against nodes, over many frames.
+"""TPI lost by coarser sampling against the number of nodes, over many frames.
 
-The floor of ``tau="auto"`` rests on this curve (`intervis.method.granularity.TPI_LOST`).
+The smallest number of nodes that ``tau="auto"`` accepts follows from this curve
+(`intervis.method.granularity.TPI_LOST`).
 """
 
 from collections.abc import Sequence
@@ -9,16 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from intervis.lab.paper.experiment import Step, mount, usable
+from intervis.lab.paper.experiment import camera_arguments, usable
 from intervis.method.analysis import analyze
 from intervis.method.granularity import TAU_CANDIDATES
+from intervis.progress import Progress, silent
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
     from intervis.drives import Frame
 
 COARSEST = 150
-"""The curve ends here: a hundred nodes or so are left of a camera's view."""
+"""Coarsest granularity of the curve: it leaves about 100 nodes of a camera's view."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +33,10 @@ class CurvePoint:
     nodes : float
         Mean number of nodes.
     TPI, mean_lost, most_lost : float
-        Mean TPI, and how far TPI lies below the best of any finer granularity of the same frame,
-        in the mean and at most, points.
+        Mean TPI, per cent; mean and greatest loss of TPI against the best finer granularity of
+        the same frame, percentage points.
     total_ms : float
-        Middle time of a frame, raw scan to region.
+        Median time of a frame, raw scan to region.
     """
 
     tau: int
@@ -49,9 +51,10 @@ def tpi_curve(
     frames: Sequence["Frame"],
     settings: Settings | None = None,
     *,
-    step: Step = lambda note: None,
+    progress: Progress | None = None,
 ) -> list[CurvePoint]:
-    """The granularity curve of frames, from every return to hardly any."""
+    """Measure the granularity curve over frames, finest granularity first."""
+    progress = progress or silent
     settings = Settings() if settings is None else settings
     taus = [tau for tau in TAU_CANDIDATES if tau <= COARSEST]
     shape = (len(frames), len(taus))
@@ -59,11 +62,13 @@ def tpi_curve(
     for row, given in enumerate(frames):
         frame, used, _ = usable(given, settings)
         for column, tau in enumerate(taus):
-            result = analyze(frame.points, settings=used.with_changes(tau=tau), **mount(frame))
+            result = analyze(
+                frame.points, settings=used.with_changes(tau=tau), **camera_arguments(frame)
+            )
             tpi[row, column] = result.measures.TPI
             nodes[row, column] = result.measures.n
             total_s[row, column] = result.times.total
-        step(f"granularity curve, frame {given.number}")
+        progress(f"granularity curve, frame {given.number}")
     lost = np.maximum.accumulate(tpi, axis=1) - tpi
     return [
         CurvePoint(

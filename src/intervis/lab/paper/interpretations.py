@@ -1,9 +1,9 @@
-"""The readings that the paper's text leaves open, settled by measurement.
+"""The choices that the paper's text leaves open, compared by measurement.
 
-Every combination of metric, chart, sampling, gate, concave boundary and criterion is run over real
-frames at the ten granularities of Table 2. What counts is how far TPI stays from the table (another
-frame than the paper's, so a few points are no fault), and how steady TPI and region are along a
-drive.
+Every combination of metric, chart, sampling, gate, concave boundary and criterion runs over real
+frames at the ten granularities of Table 2. Two things are measured: the difference of TPI to the
+table (on other frames than the paper's, so a few points are expected), and how constant TPI and
+region are along a drive.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,14 +16,20 @@ import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
 from intervis.lab.paper import printed_values
-from intervis.lab.paper.experiment import Step
-from intervis.lab.paper.temporal_consistency import GroundRegion, draw_region, overlap
+from intervis.lab.paper.temporal_consistency import (
+    GroundRegion,
+    ground_region,
+    mean_known,
+    overlap,
+    sample_std,
+)
 from intervis.method.analysis import checked_extrinsics, field_of_view, meta_viewpoint
 from intervis.method.criteria import CriterionResult, apply_criteria, intervisible_region
 from intervis.method.measures import two_point_intervisibility
 from intervis.method.mesh import Mesh, build_mesh, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
 from intervis.method.surface import Surface, build_surface
+from intervis.progress import Progress, silent
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -34,18 +40,19 @@ CHARTS = ("ground", "angles", "polar")
 SAMPLINGS = ("kernel", "stride", "radius")
 GATES = ("degree", "mean", "shortest", "star_minimum", "none")
 CONCAVE_BOUNDARIES = ("every", "any")
-CRITERIA = ("elevation", "sight_angle", "sight_line", "not judged")
-"""What lines 6 and 8 compare; "not judged" leaves lines 2 to 9 out: the gate of line 1 alone."""
+GATE_ONLY = "gate only"
+CRITERIA = ("elevation", "sight_angle", "sight_line", GATE_ONLY)
+"""What lines 6 and 8 of Algorithm 1 compare; "gate only" applies line 1 and skips lines 2 to 9."""
 
-ALONG = 6
-"""Consecutive frames that tell how steady a reading is."""
+CONSECUTIVE_FRAMES = 6
+"""Frames over which the consistency of an interpretation is measured."""
 
 BISECTIONS = 12
 """Steps to find the radius that gives as many nodes as a granularity."""
 
 
-class Reading(NamedTuple):
-    """One way to read the paper."""
+class Interpretation(NamedTuple):
+    """One way to settle the paper's open choices."""
 
     metric: str
     chart: str
@@ -56,12 +63,12 @@ class Reading(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ReadingScore:
-    """How one reading fares.
+class InterpretationScore:
+    """Measurements of one interpretation.
 
     Attributes
     ----------
-    reading : Reading
+    interpretation : Interpretation
     TPI : (frames, 10) float64 array
         At the granularities of Table 2, for each frame.
     TPI_std : float
@@ -70,34 +77,34 @@ class ReadingScore:
         Mean overlap of the region of consecutive frames at tau = 35; NaN without a drive.
     """
 
-    reading: Reading
+    interpretation: Interpretation
     TPI: Float64Array
     TPI_std: float
     iou: float
 
     @property
-    def away(self) -> float:
+    def difference(self) -> float:
         """Mean absolute difference to Table 2 over all frames and granularities, points."""
-        return float(np.abs(self.TPI - _printed()).mean())
+        return float(np.abs(self.TPI - _table_2()).mean())
 
     @property
-    def mean_away(self) -> float:
-        """Mean absolute difference of the mean over the frames, points."""
-        return float(np.abs(self.TPI.mean(axis=0) - _printed()).mean())
+    def difference_of_mean(self) -> float:
+        """Mean absolute difference of the frames' mean TPI to Table 2, points."""
+        return float(np.abs(self.TPI.mean(axis=0) - _table_2()).mean())
 
     @property
-    def worst(self) -> float:
-        """Greatest absolute difference of the mean over the frames, points."""
-        return float(np.abs(self.TPI.mean(axis=0) - _printed()).max())
+    def greatest_of_mean(self) -> float:
+        """Greatest absolute difference of the frames' mean TPI to Table 2, points."""
+        return float(np.abs(self.TPI.mean(axis=0) - _table_2()).max())
 
 
-def _printed() -> Float64Array:
+def _table_2() -> Float64Array:
     return np.array([row.TPI for row in printed_values.TABLE_2.values()])
 
 
 @dataclass(frozen=True, eq=False)
 class _Geometry:
-    """One frame, sampled, charted and meshed: what the readings of Algorithm 1 work on."""
+    """One frame, sampled, charted and meshed: the input of Algorithm 1."""
 
     points: Float64Array
     viewpoint: Float64Array
@@ -108,46 +115,48 @@ class _Geometry:
     to_centroid: Float64Array
 
 
-def compare_readings(
+def compare_interpretations(
     frames: Sequence["Frame"],
-    drive: Sequence["Frame"] = (),
+    consecutive: Sequence["Frame"] = (),
     *,
     metrics: Sequence[str] = METRICS,
     charts: Sequence[str] = CHARTS,
     samplings: Sequence[str] = SAMPLINGS,
-    step: Step = lambda note: None,
-) -> list[ReadingScore]:
-    """Every reading over every frame, nearest to Table 2 first.
+    progress: Progress | None = None,
+) -> list[InterpretationScore]:
+    """Measure every interpretation over every frame, nearest to Table 2 first.
 
     Parameters
     ----------
     frames : sequence of Frame
-        Held against Table 2.
-    drive : sequence of Frame
-        Consecutive frames with poses, for steadiness; may be empty.
+        Compared with Table 2.
+    consecutive : sequence of Frame
+        Consecutive frames with poses, for temporal consistency; may be empty.
     metrics, charts, samplings : sequences of str
-        Which of the geometries to run; every reading of Algorithm 1 is run on each.
-    step : callable
-        Told after each geometry; there are as many as metrics times charts times samplings.
+        The geometries to run: metrics times charts times samplings. Every interpretation of
+        Algorithm 1 runs on each.
+    progress : callable, optional
+        Called after each geometry.
     """
+    progress = progress or silent
     views = [_View(frame) for frame in frames]
-    along = [_View(frame) for frame in drive]
+    drive = [_View(frame) for frame in consecutive]
     scores = []
     for sampling in samplings:
         for metric, chart in product(metrics, charts):
-            scores += _scores(views, along, metric, chart, sampling)
-            step(f"{sampling}, {metric}, {chart}")
-    return sorted(scores, key=lambda score: score.away)
+            scores += _scores(views, drive, metric, chart, sampling)
+            progress(f"{sampling}, {metric}, {chart}")
+    return sorted(scores, key=lambda score: score.difference)
 
 
 def count_geometries() -> int:
-    """How many steps `compare_readings` tells of."""
+    """How often `compare_interpretations` calls its progress callback by default."""
     return len(METRICS) * len(CHARTS) * len(SAMPLINGS)
 
 
-def chosen_reading(settings: Settings) -> Reading:
-    """The reading that settings stand for."""
-    return Reading(*(getattr(settings, name) for name in Reading._fields))
+def interpretation_of(settings: Settings) -> Interpretation:
+    """The interpretation that settings select."""
+    return Interpretation(*(getattr(settings, name) for name in Interpretation._fields))
 
 
 def spread_frames(drive: "Drive", count: int) -> "list[Frame]":
@@ -157,8 +166,8 @@ def spread_frames(drive: "Drive", count: int) -> "list[Frame]":
     return [drive[numbers[place]] for place in places]
 
 
-def consecutive_frames(drives: "Sequence[Drive]", count: int = ALONG) -> "list[Frame]":
-    """The first frames of the first drive with poses; none where there is no such drive."""
+def consecutive_frames(drives: "Sequence[Drive]", count: int = CONSECUTIVE_FRAMES) -> "list[Frame]":
+    """The first frames of the first drive that has poses; empty where no drive has."""
     for drive in drives:
         if drive.poses and len(drive) > 1:
             posed = [number for number in drive.frame_numbers if number in drive.poses]
@@ -167,7 +176,7 @@ def consecutive_frames(drives: "Sequence[Drive]", count: int = ALONG) -> "list[F
 
 
 class _View:
-    """A frame's returns in view, and the nodes of each sampling, found once."""
+    """The returns in view of a frame; the nodes of each sampling are computed once."""
 
     def __init__(self, frame: "Frame") -> None:
         mount = checked_extrinsics(frame.camera, frame.cam_from_velo)
@@ -192,11 +201,11 @@ class _View:
 
 
 def radius_nodes(points: Float64Array, tau: int, viewpoint: Float64Array) -> IntArray:
-    """Nodes of balls of the radius that gives about ceil(n / tau) of them."""
+    """Nodes of balls whose radius is chosen to give about ceil(n / tau) of them."""
     wanted = ceil(len(points) / tau)
     low_m, high_m = 1e-3, float(np.ptp(points, axis=0).max())
     best = sample_radius(points, high_m, viewpoint)
-    # More nodes for a smaller radius, nearly always: halve the way on a logarithmic scale.
+    # A smaller radius gives more nodes, with few exceptions: bisect on a logarithmic scale.
     for _ in range(BISECTIONS):
         radius_m = float(np.sqrt(low_m * high_m))
         found = sample_radius(points, radius_m, viewpoint)
@@ -210,33 +219,33 @@ def radius_nodes(points: Float64Array, tau: int, viewpoint: Float64Array) -> Int
 
 
 def _scores(
-    views: Sequence[_View], along: Sequence[_View], metric: str, chart: str, sampling: str
-) -> list[ReadingScore]:
-    """All readings of Algorithm 1 on one geometry."""
-    readings = [
-        Reading(metric, chart, sampling, *rest)
+    views: Sequence[_View], drive: Sequence[_View], metric: str, chart: str, sampling: str
+) -> list[InterpretationScore]:
+    """Score every interpretation of Algorithm 1 on one geometry."""
+    interpretations = [
+        Interpretation(metric, chart, sampling, *rest)
         for rest in product(GATES, CONCAVE_BOUNDARIES, CRITERIA)
-        if rest[1] == "every" or rest[2] != "not judged"
+        if rest[1] == "every" or rest[2] != GATE_ONLY
     ]
-    tpi = {reading: np.empty((len(views), len(printed_values.TAUS))) for reading in readings}
+    tpi = {one: np.empty((len(views), len(printed_values.TAUS))) for one in interpretations}
     for row, view in enumerate(views):
         for column, tau in enumerate(printed_values.TAUS):
             geometry = _geometry(view, metric, chart, sampling, tau)
-            for reading, verdict in _verdicts(geometry, readings):
-                tpi[reading][row, column] = _tpi(geometry, verdict.edge)
-    steady: dict[Reading, list[float]] = {reading: [] for reading in readings}
-    regions: dict[Reading, list[GroundRegion]] = {reading: [] for reading in readings}
-    for view in along:
+            for one, result in _results(geometry, interpretations):
+                tpi[one][row, column] = _tpi(geometry, result.edge)
+    tpi_along: dict[Interpretation, list[float]] = {one: [] for one in interpretations}
+    regions: dict[Interpretation, list[GroundRegion]] = {one: [] for one in interpretations}
+    for view in drive:
         assert view.pose is not None
         geometry = _geometry(view, metric, chart, sampling, printed_values.TAU_TABLE_4)
         mesh = geometry.mesh
-        for reading, verdict in _verdicts(geometry, readings):
-            steady[reading].append(_tpi(geometry, verdict.edge))
-            region = intervisible_region(mesh.triangles, mesh.edges, verdict.node, verdict.edge)
-            regions[reading].append(draw_region(geometry.points, mesh.triangles, region, view.pose))
+        for one, result in _results(geometry, interpretations):
+            tpi_along[one].append(_tpi(geometry, result.edge))
+            region = intervisible_region(mesh.triangles, mesh.edges, result.node, result.edge)
+            regions[one].append(ground_region(geometry.points, mesh.triangles, region, view.pose))
     return [
-        ReadingScore(reading, tpi[reading], _std(steady[reading]), _mean_iou(regions[reading]))
-        for reading in readings
+        InterpretationScore(one, tpi[one], sample_std(tpi_along[one]), _mean_iou(regions[one]))
+        for one in interpretations
     ]
 
 
@@ -256,12 +265,12 @@ def _geometry(view: _View, metric: str, chart: str, sampling: str, tau: int) -> 
     )
 
 
-def _verdicts(
-    geometry: _Geometry, readings: Sequence[Reading]
-) -> Iterator[tuple[Reading, CriterionResult]]:
-    for reading in readings:
-        judged = reading.criterion != "not judged"
-        verdict = apply_criteria(
+def _results(
+    geometry: _Geometry, interpretations: Sequence[Interpretation]
+) -> Iterator[tuple[Interpretation, CriterionResult]]:
+    for one in interpretations:
+        gate_only = one.criterion == GATE_ONLY
+        result = apply_criteria(
             geometry.points,
             geometry.viewpoint,
             geometry.mesh.edges,
@@ -269,32 +278,26 @@ def _verdicts(
             geometry.surface.flow_distance,
             geometry.to_centroid,
             Settings(
-                gate=reading.gate,
-                concave_boundary=reading.concave_boundary,
-                criterion=reading.criterion if judged else "elevation",
+                gate=one.gate,
+                concave_boundary=one.concave_boundary,
+                criterion="elevation" if gate_only else one.criterion,
             ),
             returns=geometry.returns,
         )
-        yield reading, verdict if judged else _gate_alone(verdict, geometry.mesh.edges)
+        yield one, _gate_only(result, geometry.mesh.edges) if gate_only else result
 
 
-def _gate_alone(verdict: CriterionResult, edges: IntArray) -> CriterionResult:
-    """What line 1 alone would call intervisible: edges that pass it from both ends."""
-    edge: BoolArray = verdict.gate[: len(edges)] & verdict.gate[len(edges) :]
-    node = np.zeros(len(verdict.node), bool)
+def _gate_only(result: CriterionResult, edges: IntArray) -> CriterionResult:
+    """The result of line 1 alone: edges that pass the gate from both ends, and their nodes."""
+    edge: BoolArray = result.gate[: len(edges)] & result.gate[len(edges) :]
+    node = np.zeros(len(result.node), bool)
     node[edges[edge].ravel()] = True
-    return CriterionResult(verdict.gate, verdict.handed_over, verdict.gate, node, edge)
+    return CriterionResult(result.gate, result.handed_over, result.gate, node, edge)
 
 
 def _tpi(geometry: _Geometry, edge: BoolArray) -> float:
     return two_point_intervisibility(int(edge.sum()), len(geometry.mesh.triangles))
 
 
-def _std(values: Sequence[float]) -> float:
-    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
-
-
 def _mean_iou(regions: Sequence[GroundRegion]) -> float:
-    found = [overlap(a, b).iou for a, b in pairwise(regions)]
-    known = [iou for iou in found if np.isfinite(iou)]
-    return float(np.mean(known)) if known else float("nan")
+    return mean_known([overlap(first, second).iou for first, second in pairwise(regions)])

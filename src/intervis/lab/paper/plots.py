@@ -30,36 +30,36 @@ from intervis.plots.style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MARK = "#b5591c"
-"""Colour of what the paper prints, beside what was measured."""
+PRINTED = "#b5591c"
+"""Colour of the values that the paper prints."""
 
 
 def figure_4(result: FrameExperiment) -> "Figure":
     """Nodes in the field of view, and their spectra."""
-    nodes = result.fine.node_points
+    nodes = result.finest.node_points
     return _points_and_spectra(
         nodes,
         nodes[:, 2],
         "elevation z, m",
-        f"(a) {len(nodes):,} nodes of {result.fine.measures.n_fov:,} returns in view"
-        f" (tau = {result.fine.settings.tau})",
+        f"(a) {len(nodes):,} nodes of {result.finest.measures.n_fov:,} returns in view"
+        f" (tau = {result.finest.settings.tau})",
         power_spectra(nodes),
         None,
     )
 
 
 def figure_5(result: FrameExperiment) -> "Figure":
-    """The manifold auxiliary surface, and its spectra beside those of the nodes."""
-    fine = result.fine
-    surface = np.column_stack([fine.chart, fine.node_points[:, 2] - fine.viewpoint[2]])
+    """The manifold auxiliary surface, and its spectra with those of the nodes."""
+    finest = result.finest
+    surface = np.column_stack([finest.chart, finest.node_points[:, 2] - finest.viewpoint[2]])
     return _points_and_spectra(
         surface,
-        fine.flow_distance,
-        "flow distance D′" + (", m" if fine.metric in ("ground", "euclidean") else ""),
+        finest.flow_distance,
+        "flow distance D′" + (", m" if finest.metric in ("ground", "euclidean") else ""),
         f"(a) Manifold auxiliary surface: {len(surface):,} nodes",
         power_spectra(surface),
-        power_spectra(fine.node_points),
-        fine.settings.chart,
+        power_spectra(finest.node_points),
+        finest.settings.chart,
     )
 
 
@@ -98,9 +98,9 @@ def _draw_spectrum(
     axes: Any, spectrum: Spectrum, earlier: Spectrum | None, name: str, first: bool
 ) -> None:
     letter = "(b) " if first else ""
-    axes.set(xlabel="frequency, cycles a node", title=f"{letter}{name}", xlim=(0, 0.5))
+    axes.set(xlabel="frequency, cycles per node", title=f"{letter}{name}", xlim=(0, 0.5))
     if first:
-        axes.set_ylabel("power, dB of m² a cycle")
+        axes.set_ylabel("power, dB re m² per cycle")
     if len(spectrum.power) == 0:
         axes.text(0.5, 0.5, "too few nodes", ha="center", transform=axes.transAxes)
         return
@@ -139,21 +139,21 @@ def _decibel(power: Float64Array) -> Float64Array:
 
 def figure_9(result: FrameExperiment) -> "Figure":
     """Counts and rates against granularity."""
-    steps = [result.sweep[tau] for tau in sorted(result.sweep)]
-    taus = [step.tau for step in steps]
+    points = [result.sweep[tau] for tau in sorted(result.sweep)]
+    taus = [point.tau for point in points]
     with page_figure(3.4, ncols=2) as (figure, axes):
         counts, rates = axes
         for label, colour, values in (
-            ("SNP", INTERVISIBLE, [step.measures.SP for step in steps]),
-            ("MESH", "#4f9d69", [step.measures.N for step in steps]),
-            ("NODE", MARK, [step.measures.n for step in steps]),
-            ("TPI", NODE, [step.intervisible for step in steps]),
+            ("SNP", INTERVISIBLE, [point.measures.SP for point in points]),
+            ("MESH", "#4f9d69", [point.measures.N for point in points]),
+            ("NODE", PRINTED, [point.measures.n for point in points]),
+            ("TPI", NODE, [point.intervisible for point in points]),
         ):
             counts.plot(taus, values, color=colour, linewidth=1.3, label=label)
         counts.set(
             yscale="log",
             xlim=(0, 100),
-            xlabel="granularity tau, returns a kernel",
+            xlabel="granularity tau, returns per kernel",
             ylabel="number",
             title="Counts",
         )
@@ -162,8 +162,8 @@ def figure_9(result: FrameExperiment) -> "Figure":
         rates.plot(
             taus,
             [
-                printed_values.ceiling_of_tpi(step.measures.n - step.copies, step.measures.N)
-                for step in steps
+                printed_values.ceiling_of_tpi(point.measures.n - point.copies, point.measures.N)
+                for point in points
             ],
             color=INK,
             linewidth=0.9,
@@ -172,7 +172,7 @@ def figure_9(result: FrameExperiment) -> "Figure":
         )
         rates.plot(
             taus,
-            [step.measures.TPI for step in steps],
+            [point.measures.TPI for point in points],
             color=NODE,
             linewidth=1.3,
             label="TPI, this frame",
@@ -181,14 +181,14 @@ def figure_9(result: FrameExperiment) -> "Figure":
             printed_values.TAUS,
             [row.TPI for row in printed_values.TABLE_2.values()],
             "o",
-            color=MARK,
+            color=PRINTED,
             markersize=4,
             label="TPI, paper's Table 2",
         )
         rates.set(
             xlim=(0, 102),
             ylim=(0, 56),
-            xlabel="granularity tau, returns a kernel",
+            xlabel="granularity tau, returns per kernel",
             ylabel="TPI, %",
             title="Rate",
         )
@@ -199,8 +199,8 @@ def figure_9(result: FrameExperiment) -> "Figure":
 
 def figure_10(result: FrameExperiment) -> "Figure":
     """Time of the stages against granularity."""
-    steps = [result.sweep[tau] for tau in sorted(result.sweep)]
-    taus = [step.tau for step in steps]
+    points = [result.sweep[tau] for tau in sorted(result.sweep)]
+    taus = [point.tau for point in points]
     with page_figure(3.8) as (figure, axes):
         for stage, label, colour, style in (
             ("total", "all stages", INK, "-"),
@@ -210,13 +210,13 @@ def figure_10(result: FrameExperiment) -> "Figure":
             ("sampling", "sampling", "#7a6fb0", "--"),
             ("fov", "field of view", "#8a9099", "--"),
         ):
-            values = [1e3 * max(step.times[stage], 1e-7) for step in steps]
+            values = [1e3 * max(point.times[stage], 1e-7) for point in points]
             axes.plot(taus, values, color=colour, linestyle=style, linewidth=1.2, label=label)
         axes.plot(
             printed_values.TAUS,
             [1e3 * row.ATIME for row in printed_values.TABLE_3.values()],
             "o",
-            color=MARK,
+            color=PRINTED,
             markersize=4,
             label="paper, S1 + S2 + S3",
         )
@@ -232,7 +232,7 @@ def figure_10(result: FrameExperiment) -> "Figure":
         axes.set(
             yscale="log",
             xlim=(0, 102),
-            xlabel="granularity tau, returns a kernel",
+            xlabel="granularity tau, returns per kernel",
             ylabel="time, ms",
             title="Time by stage",
         )
@@ -242,7 +242,7 @@ def figure_10(result: FrameExperiment) -> "Figure":
 
 
 def figure_curve(points: Sequence[CurvePoint], tolerance: float) -> "Figure":
-    """TPI lost against nodes, and the floor that a tolerance of TPI sets."""
+    """TPI lost against nodes, and the least number of nodes for a tolerance of TPI."""
     nodes = [point.nodes for point in points]
     floor = floor_nodes(tolerance)
     with page_figure(3.2) as (figure, axes):
@@ -251,7 +251,7 @@ def figure_curve(points: Sequence[CurvePoint], tolerance: float) -> "Figure":
             [point.most_lost for point in points],
             color=FAINT,
             linewidth=1.2,
-            label="most of all frames",
+            label="greatest of the frames",
         )
         axes.plot(
             nodes,
@@ -267,20 +267,20 @@ def figure_curve(points: Sequence[CurvePoint], tolerance: float) -> "Figure":
             color=INTERVISIBLE,
             linewidth=1.0,
             linestyle="--",
-            label="curve in force",
+            label="curve used by tau = auto",
         )
         axes.axvline(floor, color=INK, linewidth=0.7, linestyle=":")
         axes.text(
             1.04 * floor,
             0.75 * max(point.most_lost for point in points),
-            f"floor: {floor} nodes for\na tolerance of {tolerance:g} points",
+            f"at least {floor} nodes for\na tolerance of {tolerance:g} points",
             fontsize=7,
         )
         axes.set(
             xscale="log",
             xlabel="nodes",
             ylabel="TPI lost, points",
-            title="What coarser sampling costs",
+            title="TPI lost by coarser sampling",
         )
         axes.grid(visible=True, which="major", color="#eceef1", linewidth=0.6)
         axes.legend(frameon=False, loc="upper right")

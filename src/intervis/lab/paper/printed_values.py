@@ -10,7 +10,7 @@ N_FOV = 20_008
 
 
 class Table2Row(NamedTuple):
-    """Elements, judged pairs, and three shares in per cent."""
+    """Finite elements N, tested pairs SP, and three shares in per cent."""
 
     N: int
     SP: int
@@ -20,7 +20,7 @@ class Table2Row(NamedTuple):
 
 
 class Table3Row(NamedTuple):
-    """Seconds of one run, mean seconds (A...) of ten, two spreads in hundredths of a second."""
+    """Seconds of one run, mean seconds of ten runs (A...), two deviations in 1/100 s."""
 
     S1: float
     S2: float
@@ -43,6 +43,10 @@ class Table4Row(NamedTuple):
     DCP: float | None
     time_s: float
 
+
+GLOBAL_POINTS, INTERPOLATION_POINTS = "global points", "interpolation points"
+PROPOSED = "the paper's method"
+"""The three methods of Table 4; the paper calls its own "ours"."""
 
 TABLE_2 = {
     10: Table2Row(3982, 5982, 98.40, 47.61, 95.46),
@@ -93,31 +97,31 @@ TABLE_3 = {
 """By granularity tau."""
 
 TABLE_4 = {
-    "global points": Table4Row(125_148, None, 50.72, None, 1163.876),
-    "interpolation points": Table4Row(20_008, 84.01, 50.01, 52.08, 17.537),
-    "ours": Table4Row(572, 99.54, 50.25, 98.65, 0.1044),
+    GLOBAL_POINTS: Table4Row(125_148, None, 50.72, None, 1163.876),
+    INTERPOLATION_POINTS: Table4Row(20_008, 84.01, 50.01, 52.08, 17.537),
+    PROPOSED: Table4Row(572, 99.54, 50.25, 98.65, 0.1044),
 }
-"""By method; "ours" is the paper's own."""
+"""By method."""
 
 TAUS = tuple(TABLE_2)
 """The granularities of Tables 2 and 3."""
 
 TAU_TABLE_4 = 35
-"""The granularity of Table 4: 572 nodes are 20,008 returns in kernels of 35."""
+"""The granularity of Table 4: 20,008 returns in kernels of 35 give 572 nodes."""
 
 RUNS = 10
-"""Runs behind each mean of Table 3."""
+"""Runs per mean of Table 3."""
 
 CAMERA_HZ, LIDAR_HZ = 25.0, 10.0
-"""Rates that the paper names: its camera's and the scanner's."""
+"""Rates of the paper's camera and scanner."""
 
 
 def ceiling_of_tpi(n: int, elements: int) -> float:
-    """The greatest TPI that a mesh of n nodes allows, per cent: all its N + n - 1 edges over 3 N.
+    """The greatest TPI of a mesh of n nodes, per cent: all its N + n - 1 edges over 3 N.
 
     Examples
     --------
-    Table 4's own row has 572 nodes and, by its DCP, 1121 elements:
+    The paper's method in Table 4 has 572 nodes and, from its DCP, 1121 elements:
 
     >>> round(ceiling_of_tpi(572, 1121), 2)
     50.31

@@ -1,4 +1,4 @@
-"""The paper's tables and figures from one drive, as CSV, Markdown and one page of HTML."""
+"""The report of the experiments: tables and figures as CSV, Markdown, PNG and one HTML page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from intervis.lab.paper import tables
 from intervis.lab.paper.curve import CurvePoint
 from intervis.lab.paper.drive_experiment import DriveExperiment
 from intervis.lab.paper.figures import CAPTIONS, PLOTS, save_curve, save_paper_figures
-from intervis.lab.paper.interpretations import Reading, ReadingScore
+from intervis.lab.paper.interpretations import Interpretation, InterpretationScore
 from intervis.plots.page import Page, Picture, Remark
 from intervis.plots.tables import Table
 from intervis.run.summary import describe, summarize
@@ -27,7 +27,7 @@ PAPER = (
 
 @dataclass(frozen=True)
 class PaperReport:
-    """Files of a report, and what is missing from it, in a sentence (None: nothing)."""
+    """Files of a report, and one sentence on what is missing (None: nothing)."""
 
     paths: tuple[Path, ...]
     missing: str | None
@@ -59,12 +59,12 @@ def write_paper_report(drive: "Drive", experiment: DriveExperiment, out: Path) -
 
 
 def make_folders(out: Path, names: Sequence[str] = ("figures", "tables")) -> None:
-    """Make the folders of a report: first thing, before minutes of work have gone into it.
+    """Make the folders of a report, before the minutes of computation.
 
     Raises
     ------
     OutputError
-        They cannot be made.
+        A folder cannot be made.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -93,10 +93,10 @@ def _tables(experiment: DriveExperiment) -> dict[str, Table]:
         "table-3-one-run": tables.table_3_one_run(frame),
         "table-3-ten-runs": tables.table_3_ten_runs(frame),
         "table-4": tables.table_4(frame),
-        "table-4-further": tables.table_4_more(frame),
+        "table-4-additions": tables.table_4_additions(frame),
     }
-    if experiment.steady:
-        found["steadiness"] = tables.steadiness_table(experiment.steady)
+    if experiment.consistency:
+        found["temporal-consistency"] = tables.consistency_table(experiment.consistency)
     found["claims"] = tables.claims_table(experiment.claims)
     return found
 
@@ -109,22 +109,23 @@ def _page(
     missing: str | None,
 ) -> Page:
     content = summarize(describe(drive, experiment.frame.settings, "camera"), [], [])
-    *numbers, _ = shown  # the claims stand at the head, in words
+    *numbers, _ = shown  # the claims are at the head of the page, with their remarks
     notes = [*experiment.notes, *([f"Note: {missing}"] if missing else [])]
-    m = experiment.frame.ours.measures
+    m = experiment.frame.proposed.measures
     lead = (
         f"Frame {experiment.number} of {drive.name} ({drive.layout}): {m.n_raw:,} returns,"
-        f" {m.n_fov:,} in view. Every value of the paper stands beside the one measured here; it"
-        f" was measured on another frame, which is not known. Paper: {PAPER}."
+        f" {m.n_fov:,} in view. The paper's values are printed beside those measured here. They"
+        f" come from another frame, which is not published. Paper: {PAPER}."
     )
     parts: list[Picture | Table | Remark | str] = []
     if notes:
         parts += ["What is missing or different", *(Remark("–", note) for note in notes)]
-    parts += ["Claims", tables.verdicts_table(experiment.claims)]
+    parts += ["Claims", tables.results_table(experiment.claims)]
     parts += [
         Remark(
-            f"{claim.claim[0].upper()}{claim.claim[1:]}: {claim.verdict}.",
-            f"Paper: {claim.paper}. Here: {claim.ours}. {claim.remark}",
+            f"{claim.claim[0].upper()}{claim.claim[1:]}: {claim.result}.",
+            f"Paper: {claim.printed}. Here: {claim.measured}. Criterion: {claim.criterion}."
+            f" {claim.remark}",
         )
         for claim in experiment.claims
     ]
@@ -132,7 +133,7 @@ def _page(
     if pictures:
         parts += ["Figures", *pictures]
     return Page(
-        title="The paper's experiments, once more",
+        title="The paper's experiments, reproduced",
         lead=lead,
         parts=parts,
         small_print=_small_print(content),
@@ -154,7 +155,7 @@ def _small_print(content: dict[str, Any]) -> list[str]:
 
 
 def _markdown(page: Page, out: Path) -> str:
-    """The page as Markdown; pictures are linked, not held."""
+    """The page as Markdown; pictures are linked, not embedded."""
     blocks = [f"# {page.title}", page.lead]
     for part in page.parts:
         if isinstance(part, str):
@@ -172,23 +173,23 @@ def _markdown(page: Page, out: Path) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def write_readings(
-    scores: Sequence[ReadingScore],
+def write_interpretations(
+    scores: Sequence[InterpretationScore],
     curve: Sequence[CurvePoint],
-    reading: Reading,
+    default: Interpretation,
     sources: Sequence[str],
     out: Path,
 ) -> list[Path]:
-    """Write ``readings.md``, ``readings.csv`` (all of them), ``granularity.csv`` and its plot.
+    """Write ``interpretations.md`` and ``.csv`` (all of them), ``granularity.csv`` and its plot.
 
     Parameters
     ----------
-    scores : sequence of ReadingScore
+    scores : sequence of InterpretationScore
     curve : sequence of CurvePoint
-    reading : Reading
-        The one in force.
+    default : Interpretation
+        That of the default settings.
     sources : sequence of str
-        Frames that were used, in words.
+        Names and frame numbers of the drives used.
     out : Path
         Folder.
 
@@ -198,15 +199,15 @@ def write_readings(
         A file cannot be written.
     """
     blocks = [
-        "# Readings of the paper against its Table 2",
+        "# Interpretations of the paper against its Table 2",
         "Frames: " + "; ".join(sources) + ".",
-        tables.choices_table(scores, reading).as_markdown(),
-        tables.best_readings_table(scores).as_markdown(),
+        tables.choices_table(scores, default).as_markdown(),
+        tables.nearest_table(scores).as_markdown(),
         tables.curve_table(curve).as_markdown(),
     ]
     texts = {
-        out / "readings.md": "\n\n".join(block.rstrip() for block in blocks) + "\n",
-        out / "readings.csv": tables.readings_table(scores).as_csv(),
+        out / "interpretations.md": "\n\n".join(block.rstrip() for block in blocks) + "\n",
+        out / "interpretations.csv": tables.interpretations_table(scores).as_csv(),
         out / "granularity.csv": tables.curve_table(curve).as_csv(),
     }
     for path, text in texts.items():

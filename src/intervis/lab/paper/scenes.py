@@ -1,11 +1,11 @@
-"""Figures 3, 6, 7 and 8 of the paper: a frame, its graph and its terrain."""
+"""Figures 3, 6, 7 and 8 of the paper: scan, mesh, intervisible edges and terrain map."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from intervis.arrays import Float64Array, finite_rows
-from intervis.lab.paper.experiment import FrameExperiment
+from intervis.lab.paper.experiment import FrameExperiment, border_edges
 from intervis.lab.paper.views import (
     ground_range_m,
     reach_m,
@@ -34,30 +34,30 @@ if TYPE_CHECKING:
 
 
 def figure_3(result: FrameExperiment) -> "Figure":
-    """Camera view, and the scan from above coloured by echo intensity."""
+    """Camera view, and the scan from above coloured by intensity."""
     frame = result.frame
     if frame.camera is None:
         with page_figure(5.6) as (figure, axes):
-            _draw_echoes(axes, result)
+            _draw_scan(axes, result)
             return figure
     with page_figure(8.0, nrows=2, height_ratios=[1.0, 2.5]) as (figure, axes):
-        draw_camera_view(axes[0], frame, result.fine)
+        draw_camera_view(axes[0], frame, result.finest)
         axes[0].set_title(f"(a) Camera: {axes[0].get_title(loc='left')}")
-        _draw_echoes(axes[1], result, "(b) ")
+        _draw_scan(axes[1], result, "(b) ")
         return figure
 
 
-def _draw_echoes(axes: Any, result: FrameExperiment, letter: str = "") -> None:
+def _draw_scan(axes: Any, result: FrameExperiment, letter: str = "") -> None:
     frame = result.frame
     rows = finite_rows(frame.points)
-    points, echo = frame.points[rows], frame.attributes.get("intensity")
-    value = points[:, 2] if echo is None else np.asarray(echo)[rows]
+    points, intensity = frame.points[rows], frame.attributes.get("intensity")
+    value = points[:, 2] if intensity is None else np.asarray(intensity)[rows]
     low, high = np.percentile(value, [1, 99])
     shown_m = float(np.percentile(np.abs(points[:, :2]).max(axis=1), SHOWN_PERCENT))
     shown = dots(
         axes, points, c=value, s=0.4, cmap=SEQUENTIAL, vmin=low, vmax=max(high, low + 1e-6)
     )
-    mark_viewpoint(axes, result.fine.viewpoint)
+    mark_viewpoint(axes, result.finest.viewpoint)
     axes.set(
         xlim=(-shown_m, shown_m),
         ylim=(-shown_m, shown_m),
@@ -66,18 +66,18 @@ def _draw_echoes(axes: Any, result: FrameExperiment, letter: str = "") -> None:
         ylabel="y left, m",
         title=f"{letter}Scan from above: {len(points):,} returns",
     )
-    colour_bar(axes, shown, "elevation z, m" if echo is None else "echo intensity")
+    colour_bar(axes, shown, "elevation z, m" if intensity is None else "intensity")
 
 
 def figure_6(result: FrameExperiment) -> "Figure":
-    """The mesh, its intervisible edges and the tree, whole and close up."""
+    """The mesh, its intervisible edges and the reachable tree, whole and near part."""
     with page_figure(4.1, ncols=2) as (figure, axes):
         for place, percent, scale, title in (
             (axes[0], SHOWN_PERCENT, 1.0, "Whole"),
             (axes[1], 60.0, 1.8, "Near part"),
         ):
-            _draw_topology(place, result.fine, scale)
-            set_limits(place, result.fine, percent, square=True)
+            _draw_topology(place, result.finest, scale)
+            set_limits(place, result.finest, percent, square=True)
             place.set_title(title)
         legend_below(figure, axes[0], 3)
         return figure
@@ -109,13 +109,13 @@ def figure_7(result: FrameExperiment) -> "Figure":
     from matplotlib.collections import LineCollection
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-    fine = result.fine
-    nodes, kept = fine.node_points, without_outliers(fine.node_points)
-    pairs = fine.edges[fine.edge_intervisible]
-    step_m = np.abs(nodes[pairs[:, 0], 2] - nodes[pairs[:, 1], 2])
-    high = float(np.percentile(step_m, 98)) if len(step_m) else 1.0
-    point = fine.node_intervisible
-    scan = result.frame.points[fine.in_view]
+    finest = result.finest
+    nodes, kept = finest.node_points, without_outliers(finest.node_points)
+    pairs = finest.edges[finest.edge_intervisible]
+    rise_m = np.abs(nodes[pairs[:, 0], 2] - nodes[pairs[:, 1], 2])
+    high = float(np.percentile(rise_m, 98)) if len(rise_m) else 1.0
+    point = finest.node_intervisible
+    scan = result.frame.points[finest.in_view]
     with page_figure(
         7.2,
         mosaic=[["solid"], ["above"]],
@@ -127,35 +127,35 @@ def figure_7(result: FrameExperiment) -> "Figure":
         both = kept[pairs].all(axis=1)
         if both.any():
             lines_3d = Line3DCollection(list(nodes[pairs[both]]), **limits)
-            lines_3d.set_array(step_m[both])
+            lines_3d.set_array(rise_m[both])
             lines_3d.set_clim(0, high)
             solid.add_collection3d(lines_3d)
         scatter_3d(solid, nodes[point & kept], color=NODE, s=2.0)
         solid_axes(solid, nodes[kept], "(a) In 3-D")
         dots(above, scan, s=0.4, color="#9aa1ab", label="return in view")
         lines = LineCollection(list(nodes[pairs][:, :, :2]), **limits)
-        lines.set_array(step_m)
+        lines.set_array(rise_m)
         lines.set_clim(0, high)
         above.add_collection(lines)
         dots(above, nodes[point], s=1.5, color=NODE, zorder=3, label="intervisibility point")
-        mark_viewpoint(above, fine.viewpoint)
-        set_limits(above, fine, 95.0)
+        mark_viewpoint(above, finest.viewpoint)
+        set_limits(above, finest, 95.0)
         above.set_title("(b) From above")
-        colour_bar(above, lines, "elevation distance |Δz| of an edge, m")
+        colour_bar(above, lines, "elevation difference |Δz| of an edge, m")
         legend_below(figure, above, 3)
         return figure
 
 
 def figure_8(result: FrameExperiment) -> "Figure":
-    """Terrain map: elements shaded by elevation, in 3-D and from above."""
+    """Terrain map: finite elements shaded by elevation, in 3-D and from above."""
     from matplotlib.collections import LineCollection
 
-    fine = result.fine
-    nodes, point = fine.node_points, fine.node_intervisible
+    finest = result.finest
+    nodes, point = finest.node_points, finest.node_intervisible
     low, high = np.percentile(nodes[:, 2], [1, 99])
-    reach = reach_m(fine, 95.0)
-    kept = (ground_range_m(fine) <= reach) & without_outliers(nodes)
-    shown = fine.triangles[kept[fine.triangles].all(axis=1)]
+    reach = reach_m(finest, 95.0)
+    kept = (ground_range_m(finest) <= reach) & without_outliers(nodes)
+    shown = finest.triangles[kept[finest.triangles].all(axis=1)]
     shade: Any = {"cmap": SEQUENTIAL, "vmin": low, "vmax": high}
     with page_figure(
         7.2,
@@ -172,21 +172,24 @@ def figure_8(result: FrameExperiment) -> "Figure":
                 nodes[:, 0],
                 nodes[:, 1],
                 nodes[:, 2],
-                triangles=fine.triangles,
+                triangles=finest.triangles,
                 shading="gouraud",
                 **shade,
             )
             colour_bar(above, map_, "elevation z, m")
             above.add_collection(
                 LineCollection(
-                    list(_rim(fine)), colors="white", linewidths=0.9, label="rim of the region"
+                    list(_region_border(finest)),
+                    colors="white",
+                    linewidths=0.9,
+                    label="border of the region",
                 )
             )
         scatter_3d(solid, nodes[kept & point] + [0, 0, 0.05], color=NODE, s=2.0)
         solid_axes(solid, nodes[kept], "(a) In 3-D, in the colours of (b)")
         dots(above, nodes[point], s=1.5, color=NODE, zorder=3, label="intervisibility point")
-        mark_viewpoint(above, fine.viewpoint)
-        set_limits(above, fine, 95.0)
+        mark_viewpoint(above, finest.viewpoint)
+        set_limits(above, finest, 95.0)
         above.set_facecolor("#eceef1")
         above.set_title("(b) From above")
         legend = above.legend(loc="upper left", facecolor="#8a9099", labelcolor="white")
@@ -194,10 +197,8 @@ def figure_8(result: FrameExperiment) -> "Figure":
         return figure
 
 
-def _rim(analysis: Analysis) -> Float64Array:
-    """(K, 2, 2) edges that belong to one triangle of the region only."""
-    chosen = analysis.triangles[analysis.region]
-    sides = np.stack([chosen, np.roll(chosen, -1, axis=1)], axis=-1).reshape(-1, 2)
-    unique, count = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
-    rim: Float64Array = analysis.node_points[unique[count == 1], :2]
-    return rim
+def _region_border(analysis: Analysis) -> Float64Array:
+    """(K, 2, 2) ends over the ground of the edges on the border of the region."""
+    edges = border_edges(analysis.triangles[analysis.region])
+    border: Float64Array = analysis.node_points[edges, :2]
+    return border

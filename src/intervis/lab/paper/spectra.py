@@ -1,4 +1,4 @@
-"""Power spectra of a sequence of points in x, y and z (paper Fig. 4 (b) and 5 (b))."""
+"""Power spectra of x, y and z along a sequence of points (paper Fig. 4 (b) and 5 (b))."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from scipy.signal import periodogram, welch
 from intervis.arrays import Float64Array
 
 SEGMENT = 256
-"""Samples in one segment of the smoothed estimate."""
+"""Samples per segment of Welch's estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,13 +18,14 @@ class Spectrum:
     Attributes
     ----------
     frequency : (K,) float64 array
-        Cycles for each sample, 0 to 0.5.
+        Cycles per sample, 0 to 0.5.
     power : (K,) float64 array
-        Periodogram, square metres for each cycle a sample.
+        Periodogram, square metres per (cycle per sample).
     smooth_frequency, smooth_power : (M,) float64 arrays
-        Welch's estimate: the same, averaged over segments.
+        Welch's estimate in the same units, averaged over segments.
     flatness : float
-        Geometric over arithmetic mean of the periodogram: 1 for white noise, towards 0 for order.
+        Spectral flatness: geometric over arithmetic mean of the periodogram without its first
+        value. Near 0.561 for white noise, near 0 for a single wave; NaN without a spectrum.
     """
 
     frequency: Float64Array
@@ -33,12 +34,22 @@ class Spectrum:
     smooth_power: Float64Array
     flatness: float
 
+    @property
+    def flatness_error(self) -> float:
+        """Standard error of the flatness.
+
+        For K independent exponential values, which a periodogram of noise has, the logarithm of
+        the flatness has the variance (pi^2 / 6 - 1) / K.
+        """
+        count = len(self.power) - 1
+        return self.flatness * float(np.sqrt((np.pi**2 / 6 - 1) / count)) if count > 0 else 0.0
+
 
 def power_spectra(points: Float64Array) -> tuple[Spectrum, Spectrum, Spectrum]:
-    """Spectra of the three columns of points, taken in the order of their rows.
+    """Spectra of the three columns of (K, 3) points, in the order of the rows.
 
-    The mean of each column is taken away first. Fewer than eight points have no spectrum: their
-    arrays are empty and their flatness is NaN.
+    The mean of each column is subtracted first. Fewer than eight points have no spectrum: the
+    arrays are empty and the flatness is NaN.
 
     Examples
     --------
@@ -58,7 +69,7 @@ def _spectrum(signal: Float64Array) -> Spectrum:
     frequency, power = periodogram(signal, detrend="constant")
     segment = min(SEGMENT, len(signal))
     smooth_frequency, smooth_power = welch(signal, nperseg=segment, detrend="constant")
-    inner = power[1:]  # the mean is gone, so the first value is 0
+    inner = power[1:]  # the mean is subtracted, so the first value is 0
     mean = float(inner.mean())
     tiny = np.finfo(np.float64).tiny
     flatness = float(np.exp(np.log(np.maximum(inner, tiny)).mean()) / mean) if mean else 0.0

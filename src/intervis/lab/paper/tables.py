@@ -1,35 +1,57 @@
-"""The paper's tables with its numbers beside those measured."""
+"""The paper's tables: measured values with the printed values beside them."""
 
 from collections.abc import Sequence
 from math import isnan
-
-import numpy as np
 
 from intervis.lab.paper import printed_values
 from intervis.lab.paper.claims import Claim, identity_residuals
 from intervis.lab.paper.curve import CurvePoint
 from intervis.lab.paper.experiment import FrameExperiment, agreement
-from intervis.lab.paper.interpretations import Reading, ReadingScore
-from intervis.lab.paper.temporal_consistency import Steadiness
+from intervis.lab.paper.interpretations import (
+    GATE_ONLY,
+    Interpretation,
+    InterpretationScore,
+)
+from intervis.lab.paper.printed_values import GLOBAL_POINTS, INTERPOLATION_POINTS, PROPOSED
+from intervis.lab.paper.temporal_consistency import TemporalConsistency, sample_std
 from intervis.plots.tables import Table
 
 DASH = "–"
-"""Where there is no number: nothing to measure, or the paper prints a dash."""
+"""Stands where nothing can be measured, and where the paper prints a dash."""
 
-SCORE_HEADINGS = ("away", "mean away", "worst", "std of TPI", "region IoU")
+SYMBOLS = (
+    "tau: granularity, returns per kernel. n_raw, n_fov: returns of the raw scan, in the field of"
+    " view. n: nodes. N: finite elements (triangles). SP: edges of the mesh, the adjacent pairs"
+    " that are tested. ARR: share of the raw returns that are not nodes (Eq. 15). TPI: intervisible"
+    " edges over 3 N (Eq. 16). DCP: 1 - intervisible edges / n_raw (Eq. 17)."
+)
+"""The paper's symbols."""
 
-NOTE_READINGS = (
-    "Away: mean absolute difference of TPI to Table 2 over all frames and granularities, points."
-    " Mean away, worst: mean and greatest difference of the mean over the frames. Std of TPI"
-    " (sample) and region IoU: along consecutive frames at tau = 35. Not judged: line 1 of"
-    " Algorithm 1 alone."
+SCORE_HEADINGS = (
+    "difference",
+    "difference of mean",
+    "greatest of mean",
+    "std of TPI",
+    "region IoU",
+)
+
+NOTE_SCORES = (
+    "Difference: mean absolute difference of TPI to Table 2 over all frames and granularities,"
+    " points. Difference of mean, greatest of mean: mean and greatest absolute difference of the"
+    " frames' mean TPI to Table 2. Std of TPI (sample) and region IoU: along consecutive frames at"
+    " tau = 35. Gate only: line 1 of Algorithm 1, without lines 2 to 9."
+)
+
+NOTE_RESULTS = (
+    '"Not decided": the measurement cannot tell. "In the tables": a finding from the printed'
+    " numbers alone, which the paper's text does not state."
 )
 
 STAGES = ("S1", "S2", "S3", "TIME")
 
 
 def table_2(result: FrameExperiment) -> Table:
-    """N, SP, ARR, TPI, DCP by granularity."""
+    """N, SP, ARR, TPI and DCP by granularity."""
     names = ("N", "SP", "ARR", "TPI", "DCP")
     headings = ["tau", "n"]
     for name in names:
@@ -41,41 +63,42 @@ def table_2(result: FrameExperiment) -> Table:
         cells = [str(tau), str(m.n)]
         for name in names:
             form = ".0f" if name in ("N", "SP") else ".2f"
-            ours = DASH if name == "TPI" and m.N == 0 else format(m[name], form)
-            cells += [ours, format(getattr(printed, name), form)]
+            here = DASH if name == "TPI" and m.N == 0 else format(m[name], form)
+            cells += [here, format(getattr(printed, name), form)]
         rows.append(tuple(cells))
-    m = result.ours.measures
+    m = result.proposed.measures
     return Table(
         "Table 2. Intervisibility by granularity",
         tuple(headings),
         tuple(rows),
         (
+            SYMBOLS,
             f"{m.n_fov:,} of {m.n_raw:,} returns are in view here, {printed_values.N_FOV:,} of"
-            f" {printed_values.N_RAW:,} in the paper: N and SP differ with them.",
+            f" {printed_values.N_RAW:,} in the paper; N and SP depend on them.",
         ),
     )
 
 
 def identities(result: FrameExperiment) -> Table:
-    """N, SP and TPI's ceiling as functions of n and the hull."""
+    """Differences of n, N and SP to their formulas, and the ceiling of TPI."""
     rows = []
     for tau in printed_values.TAUS:
-        step = result.sweep[tau]
-        missed = identity_residuals(step)
-        ceiling = printed_values.ceiling_of_tpi(step.measures.n - step.copies, step.measures.N)
+        point = result.sweep[tau]
+        residuals = identity_residuals(point)
+        ceiling = printed_values.ceiling_of_tpi(point.measures.n - point.copies, point.measures.N)
         rows.append(
             (
                 str(tau),
-                str(step.measures.n),
-                str(step.hull),
-                str(step.copies),
-                *((DASH,) * 3 if missed is None else (str(value) for value in missed)),
-                DASH if missed is None else f"{ceiling:.2f}",
-                DASH if missed is None else f"{step.measures.TPI_unique:.2f}",
+                str(point.measures.n),
+                str(point.hull),
+                str(point.copies),
+                *((DASH,) * 3 if residuals is None else (str(value) for value in residuals)),
+                DASH if residuals is None else f"{ceiling:.2f}",
+                DASH if residuals is None else f"{point.measures.TPI_unique:.2f}",
             )
         )
     return Table(
-        "Table 2, what must hold: differences to the formulas, and TPI's ceiling",
+        "Table 2, differences to the formulas of n, N and SP, and the ceiling of TPI",
         (
             "tau",
             "n",
@@ -88,7 +111,10 @@ def identities(result: FrameExperiment) -> Table:
             "TPI_unique %",
         ),
         tuple(rows),
-        ("TPI_unique is the share of the unique edges that are intervisible.",),
+        (
+            "h: edges on the hull of the mesh. c: nodes at the position of another node."
+            " TPI_unique: intervisible edges over all edges, SP.",
+        ),
     )
 
 
@@ -99,8 +125,8 @@ def table_3_one_run(result: FrameExperiment) -> Table:
         runs = result.timed[tau]
         cells = [str(tau)]
         for stage in STAGES:
-            ours = 1e3 * float(runs.column(stage)[0])
-            cells += [f"{ours:.3f}", f"{1e3 * getattr(printed, stage):.1f}"]
+            here = 1e3 * float(runs.column(stage)[0])
+            cells += [f"{here:.3f}", f"{1e3 * getattr(printed, stage):.1f}"]
         before = runs.column("fov")[0] + runs.column("sampling")[0]
         rows.append((*cells, f"{1e3 * before:.3f}"))
     return Table(
@@ -108,9 +134,9 @@ def table_3_one_run(result: FrameExperiment) -> Table:
         (*headings, "before S1"),
         tuple(rows),
         (
-            "S1 manifold auxiliary surface, S2 finite elements, S3 spectral analysis and criteria;"
-            " TIME is their sum. Field of view and sampling, which the paper does not time, stand"
-            " in the last column. Every kernel was compiled before.",
+            "S1: manifold auxiliary surface. S2: finite elements. S3: spectral analysis and"
+            " criteria. TIME: their sum. Before S1: field of view and sampling, which the paper"
+            " does not time. Compilation is not included.",
         ),
     )
 
@@ -124,16 +150,15 @@ def table_3_ten_runs(result: FrameExperiment) -> Table:
         for stage in STAGES:
             mean = 1e3 * float(runs.column(stage).mean())
             cells += [f"{mean:.3f}", f"{1e3 * getattr(printed, 'A' + stage):.2f}"]
-        spread = 1e3 * float(runs.column("TIME").std(ddof=1))
-        rows.append((*cells, f"{spread:.3f}", f"{10 * printed.STD:.3f}"))
+        rows.append((*cells, f"{1e3 * runs.std_s:.3f}", f"{10 * printed.STD:.3f}"))
     return Table(
         "Table 3, mean of ten runs, milliseconds",
         (*headings, "sample std", "STD paper"),
         tuple(rows),
         (
-            "A...: mean of ten runs. The sample standard deviation of TIME divides by 9; it is the"
-            " paper's STD, which is printed there in hundredths of a second. Its VAR is the same"
-            " with a division by 10.",
+            "A...: mean of ten runs. Sample std: sample standard deviation of TIME, division by 9."
+            " The paper's STD is the same quantity in hundredths of a second; its VAR divides by"
+            " 10.",
         ),
     )
 
@@ -143,16 +168,16 @@ def _heading_pairs(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def table_4(result: FrameExperiment) -> Table:
-    """The three methods, with the paper's values."""
+    """The three methods."""
     rows = []
     results = {
-        "global points": (result.everything, result.everything_s),
-        "interpolation points": (result.interpolation, result.interpolation_s),
-        "ours": (result.ours, result.ours_s),
+        GLOBAL_POINTS: (result.global_lines, result.global_s),
+        INTERPOLATION_POINTS: (result.interpolation, result.interpolation_s),
+        PROPOSED: (result.proposed, result.proposed_s),
     }
     for name, (analysis, seconds) in results.items():
         printed = printed_values.TABLE_4[name]
-        theirs = (
+        paper = (
             f"{printed.nodes}",
             _percent(printed.ARR),
             _percent(printed.TPI),
@@ -160,20 +185,18 @@ def table_4(result: FrameExperiment) -> Table:
             f"{printed.time_s:g}",
         )
         if analysis is None or seconds is None:
-            ours = (DASH,) * 5
+            here = (DASH,) * 5
         else:
             m = analysis.measures
-            ours = (
+            here = (
                 str(m.n),
                 f"{m.ARR:.2f}",
                 _percent(m.TPI if m.N else None),
                 f"{m.DCP:.2f}",
                 f"{seconds:.4f}",
             )
-        pairs = [cell for pair in zip(ours, theirs, strict=True) for cell in pair]
-        rows.append(
-            (f"the paper's method, tau {result.settings.tau}" if name == "ours" else name, *pairs)
-        )
+        pairs = [cell for pair in zip(here, paper, strict=True) for cell in pair]
+        rows.append((f"{name}, tau {result.settings.tau}" if name == PROPOSED else name, *pairs))
     return Table(
         "Table 4. Three methods on one frame, in one run, on one machine",
         (
@@ -186,22 +209,21 @@ def table_4(result: FrameExperiment) -> Table:
         ),
         tuple(rows),
         (
-            "Time is S1 + S2 + S3, the middle of several runs (global points: one run). DCP counts"
-            " intervisible edges against raw points, so it is negative where a mesh of all returns"
-            " has more of them than there are returns.",
-            *(() if result.everything else ("Global points was not asked for.",)),
+            "Time: S1 + S2 + S3, median of several runs (global points: one run). DCP is negative"
+            " where a mesh has more intervisible edges than there are raw returns.",
+            *(() if result.global_lines else ("Global points was not requested.",)),
         ),
     )
 
 
-def table_4_more(result: FrameExperiment) -> Table:
-    """What Table 4 does not ask: ratios of time, comparisons made, agreement of the answers."""
+def table_4_additions(result: FrameExperiment) -> Table:
+    """Additions to Table 4: ratios of time, comparisons made, agreement of the results."""
     rows = []
-    reference = result.everything or result.interpolation
+    reference = result.global_lines or result.interpolation
     for name, analysis, seconds in (
-        ("global points", result.everything, result.everything_s),
-        ("interpolation points", result.interpolation, result.interpolation_s),
-        (f"the paper's method, tau {result.settings.tau}", result.ours, result.ours_s),
+        (GLOBAL_POINTS, result.global_lines, result.global_s),
+        (INTERPOLATION_POINTS, result.interpolation, result.interpolation_s),
+        (f"{PROPOSED}, tau {result.settings.tau}", result.proposed, result.proposed_s),
     ):
         if analysis is None or seconds is None:
             continue
@@ -210,7 +232,7 @@ def table_4_more(result: FrameExperiment) -> Table:
         rows.append(
             (
                 name,
-                f"{seconds / result.ours_s:,.1f}",
+                f"{seconds / result.proposed_s:,.1f}",
                 f"{comparisons:,}",
                 f"{100 * analysis.node_intervisible.mean():.2f}",
                 f"{analysis.measures.TPI_unique:.2f}",
@@ -222,31 +244,31 @@ def table_4_more(result: FrameExperiment) -> Table:
             )
         )
     printed = printed_values.TABLE_4
-    ratio = [printed[name].time_s / printed["ours"].time_s for name in printed]
+    ratio = [printed[name].time_s / printed[PROPOSED].time_s for name in printed]
     return Table(
-        "Table 4, further",
+        "Table 4, additional measurements",
         (
             "method",
-            "time, ours = 1",
+            "relative time",
             "comparisons",
-            "nodes seen %",
+            "intervisible nodes %",
             "TPI_unique %",
             f"same as {reference.method} %",
             "correlation",
         ),
         tuple(rows),
         (
-            f"The paper's ratios of time are {ratio[0]:,.0f} and {ratio[1]:.0f}. The last two"
-            " columns compare node by node: share of equal verdicts, and Matthews correlation"
-            " (0 by chance, 1 for the same answers).",
+            f"Relative time: {PROPOSED} = 1; in the paper {ratio[0]:,.0f} and {ratio[1]:.0f}. The"
+            " last two columns compare node by node: share of equal results, and Matthews"
+            " correlation (0 as by chance, 1 for equal results).",
         ),
     )
 
 
-def steadiness_table(steady: Sequence[Steadiness]) -> Table:
-    """How much of the region stays from frame to frame, and how the measures scatter."""
+def consistency_table(consistency: Sequence[TemporalConsistency]) -> Table:
+    """Overlap of the regions of consecutive frames, and scatter of the measures."""
     rows = []
-    for line in steady:
+    for line in consistency:
         rows.append(
             (
                 line.method,
@@ -255,13 +277,17 @@ def steadiness_table(steady: Sequence[Steadiness]) -> Table:
                 _number(line.chance),
                 _number(line.beyond_chance),
                 *(
-                    f"{values.mean():.{digits}f} ± {_spread(values):.{digits}f}"
-                    for values, digits in ((line.TPI, 2), (line.seen, 2), (line.area_m2, 0))
+                    f"{values.mean():.{digits}f} ± {sample_std(values):.{digits}f}"
+                    for values, digits in (
+                        (line.TPI, 2),
+                        (line.nodes_intervisible, 2),
+                        (line.area_m2, 0),
+                    )
                 ),
             )
         )
     return Table(
-        "Steadiness from frame to frame",
+        "Temporal consistency",
         (
             "method",
             "frames",
@@ -269,75 +295,80 @@ def steadiness_table(steady: Sequence[Steadiness]) -> Table:
             "by chance",
             "beyond chance",
             "TPI %",
-            "nodes seen %",
+            "intervisible nodes %",
             "region m²",
         ),
         tuple(rows),
         (
-            "IoU: ground in both regions of two consecutive frames over ground in one of them, on"
-            " 0.5 m cells that both meshes cover, laid over each other by the poses; mean over the"
-            " pairs. By chance: regions of the same sizes strewn at random. Beyond chance:"
-            " (IoU − chance) / (1 − chance). Then mean ± sample standard deviation.",
+            "Region IoU: intersection over union of the regions of two consecutive frames, on 0.5 m"
+            " cells of the world's ground that both meshes cover; mean over the pairs. By chance:"
+            " IoU expected of random regions of the same sizes. Beyond chance:"
+            " (IoU − chance) / (1 − chance). Other columns: mean ± sample standard deviation.",
         ),
     )
 
 
-def readings_table(scores: Sequence[ReadingScore]) -> Table:
-    """Every reading, nearest to Table 2 first."""
+def interpretations_table(scores: Sequence[InterpretationScore]) -> Table:
+    """Every interpretation, nearest to Table 2 first."""
     return Table(
-        f"{len(scores)} readings against Table 2",
-        (*Reading._fields, *SCORE_HEADINGS, *(f"TPI {tau}" for tau in printed_values.TAUS)),
+        f"{len(scores)} interpretations against Table 2",
+        (*Interpretation._fields, *SCORE_HEADINGS, *(f"TPI {tau}" for tau in printed_values.TAUS)),
         tuple(
-            (*score.reading, *_score_cells(score), *(f"{v:.2f}" for v in score.TPI.mean(axis=0)))
+            (
+                *score.interpretation,
+                *_score_cells(score),
+                *(f"{v:.2f}" for v in score.TPI.mean(axis=0)),
+            )
             for score in scores
         ),
-        (NOTE_READINGS,),
+        (NOTE_SCORES,),
     )
 
 
-def choices_table(scores: Sequence[ReadingScore], reading: Reading) -> Table:
-    """One reading, and what changing one choice of it at a time does."""
-    found = {score.reading: score for score in scores}
-    rows = [("as in force", ", ".join(reading), *_score_cells(found[reading]))]
-    for name in Reading._fields:
+def choices_table(scores: Sequence[InterpretationScore], interpretation: Interpretation) -> Table:
+    """One interpretation, and those that differ from it in one choice."""
+    found = {score.interpretation: score for score in scores}
+    rows = [("default", ", ".join(interpretation), *_score_cells(found[interpretation]))]
+    for name in Interpretation._fields:
         for score in scores:
-            others = score.reading._replace(**{name: getattr(reading, name)})
-            if score.reading != reading and others == reading:
-                rows.append((name, getattr(score.reading, name), *_score_cells(score)))
+            one = score.interpretation
+            same = one._replace(**{name: getattr(interpretation, name)}) == interpretation
+            if one != interpretation and same:
+                rows.append((name, getattr(one, name), *_score_cells(score)))
     return Table(
         "One choice changed at a time",
-        ("choice", "reading", *SCORE_HEADINGS),
+        ("choice", "interpretation", *SCORE_HEADINGS),
         tuple(rows),
-        (NOTE_READINGS,),
+        (NOTE_SCORES,),
     )
 
 
-def best_readings_table(scores: Sequence[ReadingScore], count: int = 12) -> Table:
-    """The readings nearest to Table 2 that judge by some criterion."""
-    judged = [score for score in scores if score.reading.criterion != "not judged"][:count]
+def nearest_table(scores: Sequence[InterpretationScore], count: int = 12) -> Table:
+    """The interpretations nearest to Table 2 among those with lines 2 to 9 of Algorithm 1."""
+    whole = [score for score in scores if score.interpretation.criterion != GATE_ONLY][:count]
     return Table(
-        "Nearest to Table 2 (line 1 to 9 applied)",
-        (*Reading._fields, *SCORE_HEADINGS),
-        tuple((*score.reading, *_score_cells(score)) for score in judged),
-        (NOTE_READINGS,),
+        "Nearest to Table 2, lines 1 to 9 of Algorithm 1 applied",
+        (*Interpretation._fields, *SCORE_HEADINGS),
+        tuple((*score.interpretation, *_score_cells(score)) for score in whole),
+        (NOTE_SCORES,),
     )
 
 
-def _score_cells(score: ReadingScore) -> tuple[str, ...]:
+def _score_cells(score: InterpretationScore) -> tuple[str, ...]:
     return (
-        f"{score.away:.2f}",
-        f"{score.mean_away:.2f}",
-        f"{score.worst:.1f}",
+        f"{score.difference:.2f}",
+        f"{score.difference_of_mean:.2f}",
+        f"{score.greatest_of_mean:.1f}",
         _number(score.TPI_std),
         _number(score.iou),
     )
 
 
 def curve_table(points: Sequence[CurvePoint]) -> Table:
-    """TPI lost and time against granularity."""
+    """TPI lost and time by granularity."""
     return Table(
-        "What coarser sampling costs",
-        ("tau", "nodes", "TPI %", "lost, mean", "lost, most", "frame ms"),
+        "TPI lost by coarser sampling",
+        ("tau", "nodes", "TPI %", "mean loss", "greatest loss", "frame ms"),
         tuple(
             (
                 str(point.tau),
@@ -350,36 +381,33 @@ def curve_table(points: Sequence[CurvePoint]) -> Table:
             for point in points
         ),
         (
-            "Lost: points of TPI below the best of any finer granularity of the same frame, mean"
-            " and most over the frames.",
+            "Loss: points of TPI below the best finer granularity of the same frame; mean and"
+            " greatest over the frames.",
         ),
     )
 
 
 def claims_table(claims: Sequence[Claim]) -> Table:
-    """The claims, their verdicts and their numbers."""
+    """Result, numbers and criterion of each claim."""
     return Table(
-        "The claims, one by one",
-        ("claim", "verdict", "paper", "here"),
-        tuple((claim.claim, claim.verdict, claim.paper, claim.ours) for claim in claims),
-    )
-
-
-def verdicts_table(claims: Sequence[Claim]) -> Table:
-    """The claims and their verdicts alone, narrow enough for any page."""
-    return Table(
-        "The claims, one by one",
-        ("claim", "verdict"),
-        tuple((claim.claim, claim.verdict) for claim in claims),
-        (
-            '"in the tables" marks what the paper\'s tables show and its text does not say: it'
-            " rests on the printed numbers alone.",
+        "The paper's claims",
+        ("claim", "result", "paper", "here", "criterion"),
+        tuple(
+            (claim.claim, claim.result, claim.printed, claim.measured, claim.criterion)
+            for claim in claims
         ),
+        (NOTE_RESULTS,),
     )
 
 
-def _spread(values: np.ndarray) -> float:
-    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
+def results_table(claims: Sequence[Claim]) -> Table:
+    """Result of each claim, narrow enough for a page."""
+    return Table(
+        "The paper's claims",
+        ("claim", "result"),
+        tuple((claim.claim, claim.result) for claim in claims),
+        (SYMBOLS, NOTE_RESULTS),
+    )
 
 
 def _percent(value: float | None) -> str:

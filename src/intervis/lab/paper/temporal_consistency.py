@@ -1,8 +1,9 @@
-"""Steady from frame to frame: the intervisible region laid over itself by the poses.
+"""Temporal consistency: how much of the intervisible region stays from one frame to the next.
 
 The paper says that its results "between consecutive frames are stable and robust" and gives no
-number. Here is one: the region of each frame is drawn on one grid over the ground of the world, and
-two consecutive frames are compared on the cells that both their meshes cover.
+number. Here the region of each frame is drawn on one grid over the ground of the world frame, and
+two consecutive frames are compared by intersection over union (IoU) on the cells that both meshes
+cover.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,10 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
-from intervis.kernels import kernel
-from intervis.lab.paper.experiment import Step, mount, usable
+from intervis.lab.paper.experiment import camera_arguments, usable
+from intervis.lab.paper.printed_values import (
+    GLOBAL_POINTS,
+    INTERPOLATION_POINTS,
+    PROPOSED,
+)
 from intervis.method.analysis import Analysis, analyze
 from intervis.method.comparison import global_points, interpolation_points
+from intervis.progress import Progress, silent
 from intervis.settings import Settings
 from intervis.transform import transform
 
@@ -27,19 +33,20 @@ if TYPE_CHECKING:
 CELL_M = 0.5
 """Side of a cell of the ground grid, metres."""
 
-NOTHING, COVERED, IN_REGION = 0, 1, 2
+EMPTY, COVERED, IN_REGION = 0, 1, 2
+"""States of a cell: outside the mesh, in the mesh, in the intervisible region."""
 
 
 @dataclass(frozen=True, eq=False)
 class GroundRegion:
-    """One frame's mesh and region on the ground grid of the world.
+    """The mesh and the region of one frame on the ground grid of the world frame.
 
     Attributes
     ----------
     corner : (2,) int64 array
-        Column and row of the first cell, in cells from the origin of the world.
+        Column and row of the first cell, in cells from the world origin.
     cells : (columns, rows) int8 array
-        0 nothing, 1 the mesh covers the cell's centre, 2 the region does.
+        State of each cell's centre: 0 outside the mesh, 1 in the mesh, 2 in the region.
     """
 
     corner: IntArray
@@ -48,16 +55,16 @@ class GroundRegion:
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two regions on the cells that both meshes cover.
+    """Two regions compared on the cells that both meshes cover.
 
     Attributes
     ----------
     iou : float
-        Cells in both regions over cells in one of them; NaN where neither has any.
+        Cells in both regions over cells in at least one; NaN where no cell is in a region.
     chance : float
-        The same for two regions of these sizes strewn at random over these cells.
+        IoU expected of two regions of the same sizes whose cells are drawn at random.
     common_m2 : float
-        Ground that both meshes cover, square metres.
+        Ground area that both meshes cover, square metres.
     """
 
     iou: float
@@ -66,41 +73,52 @@ class Overlap:
 
 
 @dataclass(frozen=True, eq=False)
-class Steadiness:
-    """One method along a drive.
+class TemporalConsistency:
+    """One method over the consecutive frames of a drive.
 
     Attributes
     ----------
     method : str
     numbers : tuple of int
-        Frames.
+        The M frame numbers.
     overlaps : tuple of Overlap
-        One for each pair of consecutive frames.
-    TPI, seen, area_m2 : (M,) float64 arrays
-        Per cent, share of intervisible nodes in per cent, and area of the region, for each frame.
+        One for each of the M - 1 pairs of consecutive frames.
+    TPI, nodes_intervisible, area_m2 : (M,) float64 arrays
+        TPI in per cent, share of intervisible nodes in per cent, and area of the region.
     """
 
     method: str
     numbers: tuple[int, ...]
     overlaps: tuple[Overlap, ...]
     TPI: Float64Array
-    seen: Float64Array
+    nodes_intervisible: Float64Array
     area_m2: Float64Array
 
     @property
     def iou(self) -> float:
-        """Mean over the pairs."""
-        return float(np.nanmean([overlap.iou for overlap in self.overlaps]))
+        """Mean IoU over the pairs that have one; NaN where none has."""
+        return mean_known([overlap.iou for overlap in self.overlaps])
 
     @property
     def chance(self) -> float:
-        """Mean of what chance would give."""
-        return float(np.nanmean([overlap.chance for overlap in self.overlaps]))
+        """Mean IoU expected by chance; NaN where no pair has one."""
+        return mean_known([overlap.chance for overlap in self.overlaps])
 
     @property
     def beyond_chance(self) -> float:
-        """(IoU - chance) / (1 - chance): 0 for strewn regions, 1 for regions that stay."""
+        """(IoU - chance) / (1 - chance): 0 for random regions, 1 for identical ones."""
         return (self.iou - self.chance) / (1.0 - self.chance)
+
+
+def mean_known(values: Sequence[float]) -> float:
+    """Mean of the values that are not NaN; NaN where all are."""
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def sample_std(values: Sequence[float] | Float64Array) -> float:
+    """Sample standard deviation; NaN for fewer than two values."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
 
 
 def follow_drive(
@@ -109,17 +127,22 @@ def follow_drive(
     settings: Settings,
     *,
     with_global: bool = True,
-    step: Step = lambda note: None,
-) -> list[Steadiness]:
-    """The three methods over the same consecutive frames, which must have poses."""
+    progress: Progress | None = None,
+) -> list[TemporalConsistency]:
+    """Measure each method over the same consecutive frames, which must have poses."""
+    progress = progress or silent
     methods: dict[str, Callable[[Frame, Settings], Analysis]] = {
-        "ours": lambda frame, used: analyze(frame.points, settings=used, **mount(frame)),
-        "interpolation points": lambda frame, used: interpolation_points(
-            frame.points, settings=used, **mount(frame)
+        PROPOSED: lambda frame, used: analyze(
+            frame.points, settings=used, **camera_arguments(frame)
+        ),
+        INTERPOLATION_POINTS: lambda frame, used: interpolation_points(
+            frame.points, settings=used, **camera_arguments(frame)
         ),
     }
     if with_global:
-        methods["global points"] = lambda frame, _: global_points(frame.points, **mount(frame))
+        methods[GLOBAL_POINTS] = lambda frame, _: global_points(
+            frame.points, **camera_arguments(frame)
+        )
     regions: dict[str, list[GroundRegion]] = {name: [] for name in methods}
     measured: dict[str, list[tuple[float, float]]] = {name: [] for name in methods}
     for number in numbers:
@@ -127,52 +150,106 @@ def follow_drive(
         assert frame.pose is not None
         for name, method in methods.items():
             result = method(frame, used)
-            regions[name].append(ground_region(result, frame.pose))
+            regions[name].append(
+                ground_region(result.node_points, result.triangles, result.region, frame.pose)
+            )
             measured[name].append((result.measures.TPI, 100 * result.node_intervisible.mean()))
-        step(f"steadiness, frame {number}")
-    return [steadiness(name, numbers, regions[name], measured[name]) for name in methods]
+        progress(f"temporal consistency, frame {number}")
+    return [temporal_consistency(name, numbers, regions[name], measured[name]) for name in methods]
 
 
-def steadiness(
+def temporal_consistency(
     method: str,
     numbers: Sequence[int],
     regions: Sequence[GroundRegion],
     measured: Sequence[tuple[float, float]],
-) -> Steadiness:
-    """Put the regions and measures of consecutive frames together."""
+) -> TemporalConsistency:
+    """Compare the regions of consecutive frames.
+
+    Parameters
+    ----------
+    method : str
+    numbers : (M,) sequence of int
+    regions : (M,) sequence of GroundRegion
+    measured : (M,) sequence of (float, float)
+        TPI and share of intervisible nodes of each frame, per cent.
+    """
     columns = np.array(measured, dtype=np.float64).reshape(-1, 2)
     area_m2 = [CELL_M**2 * float((region.cells == IN_REGION).sum()) for region in regions]
-    return Steadiness(
+    return TemporalConsistency(
         method=method,
         numbers=tuple(numbers),
         overlaps=tuple(overlap(first, second) for first, second in pairwise(regions)),
         TPI=columns[:, 0],
-        seen=columns[:, 1],
+        nodes_intervisible=columns[:, 1],
         area_m2=np.array(area_m2),
     )
 
 
-def ground_region(result: Analysis, world_from_velo: Float64Array) -> GroundRegion:
-    """A frame's mesh and region, moved to the world and drawn on its ground grid."""
-    return draw_region(result.node_points, result.triangles, result.region, world_from_velo)
-
-
-def draw_region(
-    points: Float64Array, triangles: IntArray, region: BoolArray, world_from_velo: Float64Array
+def ground_region(
+    points_velo: Float64Array,
+    triangles: IntArray,
+    region: BoolArray,
+    world_from_velo: Float64Array,
 ) -> GroundRegion:
-    """A mesh of (V, 3) points and its region, moved to the world and drawn on its ground grid."""
-    ground = transform(world_from_velo, points)[:, :2] / CELL_M
+    """Draw a mesh and its region on the ground grid of the world frame.
+
+    Parameters
+    ----------
+    points_velo : (V, 3) float64 array
+    triangles : (F, 3) int64 array
+    region : (F,) bool array
+        Triangles of the intervisible region. A cell that lies in one of them is in the region,
+        whatever other triangles cover it.
+    world_from_velo : (4, 4) float64 array
+    """
+    ground = transform(world_from_velo, points_velo)[:, :2] / CELL_M
     if len(triangles) == 0:
         return GroundRegion(np.zeros(2, np.int64), np.zeros((1, 1), np.int8))
     corner = np.floor(ground.min(axis=0)).astype(np.int64)
-    size = np.ceil(ground.max(axis=0)).astype(np.int64) - corner + 1
-    cells = np.zeros((int(size[0]), int(size[1])), np.int8)
-    _draw(ground - corner, triangles, region, cells)
+    columns, rows = np.ceil(ground.max(axis=0)).astype(np.int64) - corner + 1
+    corners = (ground - corner)[triangles]
+    cells = np.where(_covered(corners, columns, rows), COVERED, EMPTY).astype(np.int8)
+    cells[_covered(corners[region], columns, rows)] = IN_REGION
     return GroundRegion(corner, cells)
 
 
+def _covered(corners: Float64Array, columns: int, rows: int) -> BoolArray:
+    """(columns, rows) cells whose centre lies in one of (F, 3, 2) triangles, borders included.
+
+    Each triangle is cut along the centre line x = i + 0.5 of every column i that it crosses. The
+    cut is an interval of rows: +1 is written at its first row and -1 behind its last, and a
+    cumulative sum along each column counts the triangles over each cell.
+    """
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    double_area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (
+        c[:, 0] - a[:, 0]
+    )
+    corners = corners[double_area != 0]
+    first = np.ceil(corners[:, :, 0].min(axis=1) - 0.5).astype(np.int64)
+    last = np.floor(corners[:, :, 0].max(axis=1) - 0.5).astype(np.int64)
+    count = np.maximum(last - first + 1, 0)
+    triangle = np.repeat(np.arange(len(corners)), count)
+    column = np.arange(len(triangle)) - np.repeat(np.cumsum(count) - count, count) + first[triangle]
+    start, stop = corners[triangle], np.roll(corners, -1, axis=1)[triangle]
+    run = stop[:, :, 0] - start[:, :, 0]
+    along = column[:, None] + 0.5 - start[:, :, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):  # a side along y has run 0
+        share = along / run
+        y = start[:, :, 1] + share * (stop[:, :, 1] - start[:, :, 1])
+    y[~((share >= 0) & (share <= 1))] = np.nan
+    low = np.ceil(np.nanmin(y, axis=1) - 0.5).astype(np.int64)
+    high = np.floor(np.nanmax(y, axis=1) - 0.5).astype(np.int64)
+    change = np.zeros((columns, rows + 1), np.int64)
+    hit = low <= high
+    np.add.at(change, (column[hit], low[hit]), 1)
+    np.add.at(change, (column[hit], high[hit] + 1), -1)
+    covered: BoolArray = np.cumsum(change, axis=1)[:, :rows] > 0
+    return covered
+
+
 def overlap(first: GroundRegion, second: GroundRegion) -> Overlap:
-    """How much of two regions coincides, where both frames have a mesh.
+    """Compare two regions on the cells that both meshes cover.
 
     Examples
     --------
@@ -182,22 +259,20 @@ def overlap(first: GroundRegion, second: GroundRegion) -> Overlap:
     0.5
     """
     low = np.maximum(first.corner, second.corner)
-    high = np.minimum(
-        first.corner + first.cells.shape, second.corner + np.array(second.cells.shape)
-    )
+    high = np.minimum(first.corner + first.cells.shape, second.corner + second.cells.shape)
     if (high <= low).any():
         return Overlap(float("nan"), float("nan"), 0.0)
     a, b = (_window(region, low, high) for region in (first, second))
-    common = (a > NOTHING) & (b > NOTHING)
+    common = (a > EMPTY) & (b > EMPTY)
     count = int(common.sum())
     in_a, in_b = common & (a == IN_REGION), common & (b == IN_REGION)
     union = int((in_a | in_b).sum())
     share_a, share_b = in_a.sum() / max(count, 1), in_b.sum() / max(count, 1)
-    by_chance = share_a * share_b
-    either = share_a + share_b - by_chance
+    both = share_a * share_b
+    either = share_a + share_b - both
     return Overlap(
         iou=float((in_a & in_b).sum()) / union if union else float("nan"),
-        chance=float(by_chance / either) if union else float("nan"),
+        chance=float(both / either) if union else float("nan"),
         common_m2=CELL_M**2 * count,
     )
 
@@ -205,28 +280,3 @@ def overlap(first: GroundRegion, second: GroundRegion) -> Overlap:
 def _window(region: GroundRegion, low: IntArray, high: IntArray) -> NDArray[np.int8]:
     start, stop = low - region.corner, high - region.corner
     return region.cells[start[0] : stop[0], start[1] : stop[1]]
-
-
-@kernel
-def _draw(
-    ground: Float64Array, triangles: IntArray, region: BoolArray, cells: NDArray[np.int8]
-) -> None:
-    """Mark each cell whose centre lies in a triangle; the region wins where triangles overlap."""
-    for f in range(triangles.shape[0]):
-        ax, ay = ground[triangles[f, 0]]
-        bx, by = ground[triangles[f, 1]]
-        cx, cy = ground[triangles[f, 2]]
-        turn = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        if turn == 0.0:
-            continue
-        value = np.int8(2) if region[f] else np.int8(1)
-        first_x, last_x = int(np.floor(min(ax, bx, cx))), int(np.ceil(max(ax, bx, cx)))
-        first_y, last_y = int(np.floor(min(ay, by, cy))), int(np.ceil(max(ay, by, cy)))
-        for i in range(max(first_x, 0), min(last_x + 1, cells.shape[0])):
-            for j in range(max(first_y, 0), min(last_y + 1, cells.shape[1])):
-                x, y = i + 0.5, j + 0.5
-                u = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / turn
-                v = ((cx - bx) * (y - by) - (cy - by) * (x - bx)) / turn
-                w = ((ax - cx) * (y - cy) - (ay - cy) * (x - cx)) / turn
-                if u >= 0.0 and v >= 0.0 and w >= 0.0 and value > cells[i, j]:
-                    cells[i, j] = value

@@ -32,10 +32,8 @@ def test_table_3_adds_up_and_prints_one_deviation_twice(tau):
 
 
 def test_table_4_stands_at_the_ceiling():
-    ours, interpolation = (
-        printed_values.TABLE_4["ours"],
-        printed_values.TABLE_4["interpolation points"],
-    )
+    ours = printed_values.TABLE_4[printed_values.PROPOSED]
+    interpolation = printed_values.TABLE_4[printed_values.INTERPOLATION_POINTS]
     assert ours.nodes == math.ceil(printed_values.N_FOV / printed_values.TAU_TABLE_4)
     for row, elements in ((ours, 1121), (interpolation, 39_973)):
         edges = row.TPI / 100 * 3 * elements
@@ -52,9 +50,9 @@ def test_no_plausible_mesh_of_the_raw_scan_reaches_the_printed_rate():
     for hull in (10, 100, 1000, 10_000):
         assert (
             printed_values.ceiling_of_tpi(n, 2 * n - 2 - hull)
-            < printed_values.TABLE_4["global points"].TPI
+            < printed_values.TABLE_4[printed_values.GLOBAL_POINTS].TPI
         )
     assert (
         printed_values.ceiling_of_tpi(n, 2 * n - 2 - 10_500)
-        > printed_values.TABLE_4["global points"].TPI
+        > printed_values.TABLE_4[printed_values.GLOBAL_POINTS].TPI
     )
