@@ -12,8 +12,8 @@ from intervis.lab.truth import evaluate as evaluating
 from intervis.lab.truth.evaluate import evaluate_held_out, evaluate_world
 from intervis.lab.truth.exact import Sampling
 from intervis.lab.truth.methods import Answers, Method, theirs
-from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.scoring import Evaluation, Row
+from intervis.lab.worlds.ray_casting import RayCaster
 
 FEW = Sampling(viewpoints=2, returns=300, free_points=300, anywhere=300)
 
@@ -44,7 +44,7 @@ def knows(seen, viewpoint, targets):
     """Casts rays at the yard itself."""
     distance = np.linalg.norm(targets - viewpoint, axis=1)
     slack = 0.15 + 0.01 * distance
-    return 1.0 - caster_of(YARD).blocked(viewpoint, targets, slack_m=slack)
+    return 1.0 - RayCaster(YARD).blocked(viewpoint, targets, slack_m=slack)
 
 
 def test_who_knows_the_yard_scores_well_and_who_lies_badly(drive):

@@ -13,10 +13,10 @@ from intervis.lab.truth import evaluate as evaluating
 from intervis.lab.truth.baselines import Seen
 from intervis.lab.truth.methods import Answers, Method
 from intervis.lab.truth.query_set import Question
-from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.reliability_plot import reliability_figure
 from intervis.lab.truth.scoring import Evaluation, Row
 from intervis.lab.truth.tables import accuracy_table
+from intervis.lab.worlds.ray_casting import RayCaster
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def drive(tmp_path):
 def known_methods(monkeypatch):
     def ask(seen, viewpoint, targets):
         distance = np.linalg.norm(targets - viewpoint, axis=1)
-        blocked = caster_of(YARD).blocked(viewpoint, targets, slack_m=0.15 + 0.01 * distance)
+        blocked = RayCaster(YARD).blocked(viewpoint, targets, slack_m=0.15 + 0.01 * distance)
         sure = np.where(blocked, 0.1, 0.9)
         return Answers(sure, np.where(np.arange(len(sure)) % 4 == 0, -1, ~blocked), 0.01, 0.002)
 

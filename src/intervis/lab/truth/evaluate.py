@@ -3,8 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
-import numpy as np
-
 from intervis.arrays import Float32Array, Float64Array
 from intervis.drives import Drive
 from intervis.errors import DriveError
@@ -16,8 +14,8 @@ from intervis.lab.truth.methods import Method, ours, theirs
 from intervis.lab.truth.pairs import Pairs, default_pairs, posed
 from intervis.lab.truth.protocols import Protocol, checked_protocol, distance_m, frames_to_see
 from intervis.lab.truth.query_set import Question, Questions
-from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.scoring import Evaluation, run_questions
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import transform
 
 Progress = Callable[[str], None]
@@ -129,8 +127,7 @@ def evaluate_world(
     rows, labels, points = run_questions(
         questions, methods or methods_for(known, rivals=rivals), progress or _nothing
     )
-    caster = caster_of(np.empty((0, 3, 3))).name
-    truth = f"exact world, rays by {caster}"
+    truth = "exact world, rays by Embree"
     return Evaluation(drive.name, truth, known, labels, points, tuple(rows))
 
 
@@ -222,7 +219,7 @@ def _world_questions(
         }[protocol]
         nearest = _nearest(others, poses, poses[number], number)
         seen = _seen(drive, nearest, poses, scan_of, number, number)
-        yield from exact.questions(seen, caster_of(triangles_at(number)), sampling)
+        yield from exact.questions(seen, RayCaster(triangles_at(number)), sampling)
 
 
 def _seen(

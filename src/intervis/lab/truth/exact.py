@@ -40,7 +40,7 @@ from intervis.arrays import BoolArray, Float64Array, finite_rows
 from intervis.lab.truth.baselines.input_scans import Seen
 from intervis.lab.truth.observed import Beams, answerable
 from intervis.lab.truth.query_set import Question, Questions
-from intervis.lab.truth.rays import SegmentCaster
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import transform
 
 VIEWPOINT_DISC_M, VIEWPOINT_HEIGHT_M = 12.0, (0.5, 3.0)
@@ -81,14 +81,14 @@ class Sampling:
     seed: int = 0
 
 
-def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = None) -> Questions:
+def questions(seen: Seen, caster: RayCaster, sampling: Sampling | None = None) -> Questions:
     """Ask about the asked scan of ``seen``, from random viewpoints around its sensor.
 
     Parameters
     ----------
     seen : Seen
         Holds the asked scan.
-    caster : SegmentCaster
+    caster : RayCaster
         Over the triangles of the world, world frame, at the moment of that scan.
     sampling : Sampling
 
@@ -138,7 +138,7 @@ def questions(seen: Seen, caster: SegmentCaster, sampling: Sampling | None = Non
 def _targets(
     scan: Float64Array,
     pose: Float64Array,
-    caster: SegmentCaster,
+    caster: RayCaster,
     sampling: Sampling,
     rng: np.random.Generator,
 ) -> dict[str, Float64Array]:
@@ -160,7 +160,7 @@ def _targets(
 
 
 def truth(
-    caster: SegmentCaster, viewpoint: Float64Array, targets: Float64Array, is_return: BoolArray
+    caster: RayCaster, viewpoint: Float64Array, targets: Float64Array, is_return: BoolArray
 ) -> tuple[BoolArray, BoolArray]:
     """Which targets (M, 3) are visible and which occluded; neither: not judged.
 
@@ -169,8 +169,8 @@ def truth(
     A wall at x = 5, seen from the origin: a return on it, free points before it and behind it, and
     one so near behind it that nothing is said.
 
-    >>> from intervis.lab.truth.rays import caster_of
-    >>> wall = caster_of(np.array([[[5.0, -99, -99], [5, 99, -99], [5, 0, 99]]]))
+    >>> from intervis.lab.worlds.ray_casting import RayCaster
+    >>> wall = RayCaster(np.array([[[5.0, -99, -99], [5, 99, -99], [5, 0, 99]]]))
     >>> targets = np.array([[5.02, 0, 0], [4.9, 0, 0], [6, 0, 0], [5.1, 0, 0]])
     >>> truth(wall, np.zeros(3), targets, np.array([True, False, False, False]))
     (array([ True,  True, False, False]), array([False, False,  True, False]))
@@ -201,7 +201,7 @@ def _drawn(
 
 
 def _standing(
-    caster: SegmentCaster,
+    caster: RayCaster,
     centre: Float64Array,
     disc_m: float,
     height_m: tuple[float, float],
@@ -222,7 +222,7 @@ def _standing(
     return points
 
 
-def in_the_open(caster: SegmentCaster, points: Float64Array) -> BoolArray:
+def in_the_open(caster: RayCaster, points: Float64Array) -> BoolArray:
     """Whether a straight way leads from each point (K, 3) to the sky."""
     ways = _spread(2 * SKY_WAYS)
     ways = ways[ways[:, 2] > np.sin(np.radians(3.0))]
@@ -235,7 +235,7 @@ def in_the_open(caster: SegmentCaster, points: Float64Array) -> BoolArray:
     return ~blocked
 
 
-def _clear_around(caster: SegmentCaster, points: Float64Array) -> BoolArray:
+def _clear_around(caster: RayCaster, points: Float64Array) -> BoolArray:
     """Whether no surface is met near each point (K, 3), in any of many directions."""
     ways = CLEARANCE_M * _spread(SIDE_WAYS)
     start = np.repeat(points, len(ways), axis=0)

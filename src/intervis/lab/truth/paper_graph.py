@@ -17,8 +17,8 @@ from intervis.drives import Drive, Frame
 from intervis.errors import DriveError
 from intervis.lab.truth.exact import truth as exact_truth
 from intervis.lab.truth.held_out import judge
-from intervis.lab.truth.rays import SegmentCaster, caster_of
 from intervis.lab.truth.scores import matthews
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.method.analysis import Analysis, analyze
 from intervis.settings import Criterion, Settings
 from intervis.transform import inverse, transform
@@ -139,7 +139,7 @@ def graphs_by_exact_world(
         frame = drive[number]
         if frame.pose is None:
             raise DriveError(f"frame {number} of {drive.name} needs a pose.")
-        caster = caster_of(transform(inverse(frame.pose), triangles_at(number)))
+        caster = RayCaster(transform(inverse(frame.pose), triangles_at(number)))
         for settings in _choices(taus, criteria):
             for name, result in _graphs(drive, frame, settings, later):
                 scores.append(_score_in_world(name, result, caster))
@@ -174,7 +174,7 @@ def _graphs(
             yield f"{step} frames later", analyze(frame.points, viewpoint=place, settings=around)
 
 
-def _score_in_world(viewpoint: str, result: Analysis, caster: SegmentCaster) -> GraphScore:
+def _score_in_world(viewpoint: str, result: Analysis, caster: RayCaster) -> GraphScore:
     points = result.node_points
     visible, hidden = exact_truth(caster, result.viewpoint, points, np.ones(len(points), bool))
     start, stop = points[result.edges[:, 0]], points[result.edges[:, 1]]

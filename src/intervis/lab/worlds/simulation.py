@@ -20,6 +20,7 @@ from intervis.drives.kitti_writer import (
 from intervis.errors import OutputError, SettingsError
 from intervis.files import write_bytes
 from intervis.lab.worlds.png import png_bytes
+from intervis.lab.worlds.ray_casting import require_embreex
 from intervis.lab.worlds.recording import FILE_NAME, PERIOD_S, world_bytes
 from intervis.lab.worlds.renderer import render
 from intervis.lab.worlds.scanner import Scanner
@@ -28,7 +29,7 @@ from intervis.lab.worlds.vehicle import Calibration
 from intervis.lab.worlds.world import World
 
 STAMP_NAME = "simulation.json"
-EDITION = 1
+EDITION = 2
 """Goes up whenever the same seed gives another drive: kept files of older editions are not."""
 
 
@@ -77,7 +78,10 @@ def simulate(
         `frames` is not positive or more than the street is long, or `seed` is negative.
     OutputError
         The folder cannot be written, or holds something that `simulate` did not write.
+    MissingExtraError
+        The packages of the extra ``lab`` are not installed.
     """
+    require_embreex()  # before anything is written
     seed, frames = _whole("seed", seed, 0), _whole("frames", frames, 1)
     world, sensor, calibration = build_street(seed), scanner or Scanner(), Calibration()
     most = int(world.last_s / PERIOD_S) + 1

@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray, finite_rows
 from intervis.lab.truth.baselines.input_scans import Seen
-from intervis.lab.truth.rays import SegmentCaster, caster_of
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import inverse, transform
 
 SEAM_DEG = 5.0
@@ -70,16 +70,16 @@ class Surfaces:
     most: int = 24
     cost_s: float = 0.0
     spent_s: float = 0.0
-    _kept: OrderedDict[tuple[int, float, float], tuple[FloatArray, SegmentCaster, float]] = field(
+    _kept: OrderedDict[tuple[int, float, float], tuple[FloatArray, RayCaster, float]] = field(
         default_factory=OrderedDict
     )
 
-    def of(self, scan: FloatArray, jump_share: float, longest_m: float) -> SegmentCaster:
+    def of(self, scan: FloatArray, jump_share: float, longest_m: float) -> RayCaster:
         """The ray caster of a scan's surface, in the scan's own frame."""
         key = (id(scan), jump_share, longest_m)
         if key not in self._kept:
             start = perf_counter()
-            caster = caster_of(surface(scan, jump_share, longest_m))
+            caster = RayCaster(surface(scan, jump_share, longest_m))
             took = perf_counter() - start
             self.spent_s += took
             # the scan is kept as well: as long as it lives, no other array has its id
