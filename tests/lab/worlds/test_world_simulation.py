@@ -2,6 +2,7 @@
 
 import errno
 import os
+import sys
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,11 +11,13 @@ import pytest
 
 from intervis.drives import kitti_writer
 from intervis.drives.kitti_writer import Layout
-from intervis.errors import DriveError, OutputError, SettingsError
+from intervis.errors import DriveError, MissingExtraError, OutputError, SettingsError
 from intervis.lab.worlds import load_world, simulate, simulation
 from intervis.lab.worlds.ray_casting import RayCaster
+from intervis.lab.worlds.renderer import render
 from intervis.lab.worlds.scanner import Scanner
 from intervis.lab.worlds.street.layout import build_street
+from intervis.lab.worlds.vehicle import Calibration
 from intervis.transform import checked_pose, transform
 
 STREETS = lru_cache(build_street)
@@ -73,6 +76,24 @@ def test_layout_is_kitti_raw(full: Path) -> None:
     assert np.isfinite(scan).all()
     assert scan[:, 3].min() >= 0
     assert scan[:, 3].max() < 1
+
+
+def test_the_written_picture_is_the_rendered_one(full: Path) -> None:
+    from PIL import Image
+
+    world, calibration = STREETS(2), Calibration()
+    expected = render(world.at(0.0), calibration.camera(), calibration.cam_from_velo, np.eye(4))
+    with Image.open(full / "image_02/data/0000000000.png") as picture:
+        assert picture.mode == "RGB"
+        np.testing.assert_array_equal(np.asarray(picture), expected)
+
+
+def test_pictures_without_pillow_name_the_extra(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with pytest.raises(MissingExtraError, match=r"'pillow'.* pip install 'intervis\[lab\]'"):
+        simulate(tmp_path, frames=1)
+    assert not list(tmp_path.iterdir())
+    quick(tmp_path, frames=1)
 
 
 def test_same_seed_same_bytes_other_seed_others_built_afresh(drive: Path, tmp_path: Path) -> None:

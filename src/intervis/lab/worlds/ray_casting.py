@@ -15,6 +15,8 @@ from intervis.errors import MissingExtraError, PointsError
 
 FLOAT32_STEP = 2.0**-22
 """Rounding of float32, with a margin, as a fraction of the largest coordinate."""
+GRAZING = 1e-3
+"""Sine of the angle to a plane below which rounding may carry the crossing out of a triangle."""
 
 
 def require_embreex() -> tuple[Any, Any]:
@@ -162,6 +164,10 @@ class _Mesh:
 
     def __init__(self, triangles: Float64Array, scene: Any, mesh_class: Any) -> None:
         self.triangles = triangles
+        one, two = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+        normals = np.cross(one, two)
+        areas = np.linalg.norm(normals, axis=1)
+        self._normals = normals / np.where(areas > 0, areas, 1.0)[:, None]
         low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
         self._centre = (low + high) / 2
         self._size_m = float(np.abs(high - low).max())
@@ -187,28 +193,27 @@ class _Mesh:
         hits = found["primID"].astype(np.int64)
         ranges_m = np.full(len(hits), np.inf)
         hit = np.flatnonzero(hits >= 0)
-        ranges_m[hit] = _plane_ranges_m(
-            self.triangles[hits[hit]], starts[hit], ways[hit], found["tfar"][hit]
-        )
+        ranges_m[hit] = self._plane_ranges_m(starts[hit], ways[hit], hits[hit], found["tfar"][hit])
         return ranges_m, hits
 
+    def _plane_ranges_m(
+        self, starts: Float64Array, ways: Float64Array, hits: IntArray, rough_m: Float64Array
+    ) -> Float64Array:
+        """Where rays (R,) cross the planes of their triangles, within the triangles' extent.
 
-def _plane_ranges_m(
-    triangles: Float64Array, starts: Float64Array, ways: Float64Array, rough_m: Float64Array
-) -> Float64Array:
-    """Where rays (R,) cross the planes of their triangles (R, 3, 3), within the triangles' extent.
-
-    A ray that lies in the plane of its triangle keeps the rough range.
-    """
-    corners = triangles - starts[:, None]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    along = np.einsum("ri,ri->r", normals, ways)
-    to_plane = np.einsum("ri,ri->r", normals, corners[:, 0])
-    ranges_m = np.where(along != 0, to_plane / np.where(along != 0, along, 1.0), rough_m)
-    # A hit is a weighted mean of the corners: a grazing ray cannot hit before or beyond them.
-    extents_m = np.einsum("rci,ri->rc", corners, ways)
-    ranges_m = np.clip(ranges_m, extents_m.min(axis=1), extents_m.max(axis=1))
-    return np.asarray(np.maximum(ranges_m, 0.0))
+        A ray in the plane of its triangle keeps Embree's rough range.
+        """
+        normals = self._normals[hits]
+        sines = np.einsum("ri,ri->r", normals, ways)
+        heights_m = np.einsum("ri,ri->r", normals, self.triangles[hits, 0] - starts)
+        ranges_m = np.where(sines != 0, heights_m / np.where(sines != 0, sines, 1.0), rough_m)
+        grazing = np.flatnonzero(np.abs(sines) < GRAZING)
+        if len(grazing):  # a hit is a weighted mean of the corners, so it lies between them
+            corners = self.triangles[hits[grazing]] - starts[grazing, None]
+            along_m = np.einsum("rci,ri->rc", corners, ways[grazing])
+            low_m, high_m = along_m.min(axis=1), along_m.max(axis=1)
+            ranges_m[grazing] = np.clip(ranges_m[grazing], low_m, high_m)
+        return np.asarray(np.maximum(ranges_m, 0.0))
 
 
 def _rows(array: ArrayLike, name: str) -> Float64Array:

@@ -2,8 +2,10 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
+from intervis.transform import rigid
 
 
 def grid(points: ArrayLike) -> Float64Array:
@@ -141,8 +143,4 @@ def lumpy(rng: np.random.Generator, triangles: Float64Array, share: float) -> Fl
 
 def upright_rotation(yaw_rad: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Float64Array:
     """(4, 4) a turn about z by `yaw_rad`, then a shift to `place`."""
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    pose = np.eye(4)
-    pose[:2, :2] = [[cos, -sin], [sin, cos]]
-    pose[:3, 3] = np.asarray(place, float)
-    return pose
+    return rigid(Rotation.from_euler("z", yaw_rad).as_matrix(), place)

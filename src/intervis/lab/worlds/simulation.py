@@ -1,5 +1,6 @@
 """A simulated drive: the street, scanned and photographed, written in KITTI's raw layout."""
 
+import io
 import json
 from collections.abc import Callable
 from dataclasses import asdict
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import intervis
 from intervis.drives.kitti_writer import (
@@ -17,9 +19,8 @@ from intervis.drives.kitti_writer import (
     scan_bytes,
     stamp_text,
 )
-from intervis.errors import OutputError, SettingsError
+from intervis.errors import MissingExtraError, OutputError, SettingsError
 from intervis.files import write_bytes
-from intervis.lab.worlds.png import png_bytes
 from intervis.lab.worlds.ray_casting import require_embreex
 from intervis.lab.worlds.recording import FILE_NAME, PERIOD_S, world_bytes
 from intervis.lab.worlds.renderer import render
@@ -82,6 +83,8 @@ def simulate(
         The packages of the extra ``lab`` are not installed.
     """
     require_embreex()  # before anything is written
+    if images:
+        _require_pillow()
     seed, frames = _whole("seed", seed, 0), _whole("frames", frames, 1)
     world, sensor, calibration = build_street(seed), scanner or Scanner(), Calibration()
     most = int(world.last_s / PERIOD_S) + 1
@@ -173,4 +176,20 @@ def _write_frame(
     write_bytes(scan, scan_bytes(points, attributes["intensity"]))
     if images:
         picture = render(moment, calibration.camera(), calibration.cam_from_velo, pose)
-        write_bytes(image, png_bytes(picture))
+        write_bytes(image, _png_bytes(picture))
+
+
+def _require_pillow() -> Any:
+    """Pillow's module Image."""
+    try:
+        from PIL import Image
+    except ImportError:
+        raise MissingExtraError("pillow", "lab", "writing the pictures of a drive") from None
+    return Image
+
+
+def _png_bytes(picture: NDArray[np.uint8]) -> bytes:
+    """The bytes of a PNG file of a picture (H, W, 3)."""
+    buffer = io.BytesIO()
+    _require_pillow().fromarray(picture).save(buffer, "PNG", compress_level=4)
+    return buffer.getvalue()

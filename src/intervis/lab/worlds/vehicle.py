@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
@@ -15,13 +16,9 @@ BASELINES_M = {"00": 0.0, "01": 0.54, "02": -0.06, "03": 0.48}
 """Where each camera sits to the right of camera 0."""
 
 
-def _turn(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array:
-    cr, sr, cp, sp = np.cos(roll_rad), np.sin(roll_rad), np.cos(pitch_rad), np.sin(pitch_rad)
-    cy, sy = np.cos(yaw_rad), np.sin(yaw_rad)
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x)
+def _rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array:
+    """(3, 3) about x, then about the fixed y, then about the fixed z."""
+    return np.asarray(Rotation.from_euler("xyz", [roll_rad, pitch_rad, yaw_rad]).as_matrix())
 
 
 def _printed(matrix: Float64Array) -> Float64Array:
@@ -48,16 +45,18 @@ class Calibration:
     cam0_from_velo: Float64Array = field(
         default_factory=lambda: _printed(
             rigid(
-                _turn(0.004, -0.007, 0.003) @ [[0, -1, 0], [0, 0, -1], [1, 0, 0]],
+                _rotation(0.004, -0.007, 0.003) @ [[0, -1, 0], [0, 0, -1], [1, 0, 0]],
                 [-0.004, -0.075, -0.272],
             )
         )
     )
     rectification: Float64Array = field(
-        default_factory=lambda: _printed(_turn(-0.003, 0.006, 0.002))
+        default_factory=lambda: _printed(_rotation(-0.003, 0.006, 0.002))
     )
     velo_from_imu: Float64Array = field(
-        default_factory=lambda: _printed(rigid(_turn(0.012, 0.002, -0.001), [-0.81, 0.32, -0.8]))
+        default_factory=lambda: _printed(
+            rigid(_rotation(0.012, 0.002, -0.001), [-0.81, 0.32, -0.8])
+        )
     )
 
     @property

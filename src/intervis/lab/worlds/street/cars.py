@@ -8,6 +8,7 @@ from intervis.arrays import Float64Array
 from intervis.lab.worlds import materials as of
 from intervis.lab.worlds import shapes
 from intervis.lab.worlds.triangles import Material, Soup
+from intervis.transform import rigid
 
 PAINTS: tuple[tuple[tuple[float, float, float], float], ...] = (
     ((0.55, 0.56, 0.57), 0.45),
@@ -153,7 +154,7 @@ def _shell(body: Body, paint: Material) -> Soup:
 
 def _wheel(radius_m: float) -> Soup:
     """A wheel about the origin, its axle along y, its outer side towards +y."""
-    to_axle = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    to_axle = rigid([[1, 0, 0], [0, 0, 1], [0, -1, 0]], [0.0, 0.0, 0.0])
     tread = shapes.tube([radius_m, radius_m], [-0.2, 0.0], 14, closed=False)
     turn = np.linspace(0, 2 * np.pi, 14, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn), np.zeros(14)], axis=1)

@@ -4,8 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
+from intervis.lab.worlds import shapes
+from intervis.transform import rigid
 
 STEP_M = 0.1
 
@@ -96,25 +99,13 @@ class Path:
 
     def pose(self, s: float, d: float = 0.0, h: float = 0.0, yaw_rad: float = 0.0) -> Float64Array:
         """(4, 4) frame at a place: x along the line turned by `yaw_rad`, y left, z up its slope."""
-        heading, pitch = float(self.heading(s)) + yaw_rad, np.arctan(float(self.slope(s)))
-        pitch = pitch * np.cos(yaw_rad)
-        cos, sin = np.cos(heading), np.sin(heading)
-        up, out = np.sin(pitch), np.cos(pitch)
-        pose = np.eye(4)
-        pose[:3, 0] = cos * out, sin * out, up
-        pose[:3, 1] = -sin, cos, 0.0
-        pose[:3, 2] = -cos * up, -sin * up, out
-        pose[:3, 3] = self.points(s, d, h)
-        return pose
+        heading_rad = float(self.heading(s)) + yaw_rad
+        pitch_rad = np.arctan(float(self.slope(s))) * np.cos(yaw_rad)
+        rotation = Rotation.from_euler("ZY", [heading_rad, -pitch_rad])
+        return rigid(rotation.as_matrix(), self.points(s, d, h))
 
     def upright(
         self, s: float, d: float = 0.0, h: float = 0.0, yaw_rad: float = 0.0
     ) -> Float64Array:
         """(4, 4) frame at a place like `pose`, but plumb: for houses, trees and people."""
-        heading = float(self.heading(s)) + yaw_rad
-        cos, sin = np.cos(heading), np.sin(heading)
-        pose = np.eye(4)
-        pose[:3, 0] = cos, sin, 0.0
-        pose[:3, 1] = -sin, cos, 0.0
-        pose[:3, 3] = self.points(s, d, h)
-        return pose
+        return shapes.upright_rotation(float(self.heading(s)) + yaw_rad, self.points(s, d, h))

@@ -9,7 +9,7 @@ from intervis.arrays import Float64Array
 from intervis.lab.worlds import materials as of
 from intervis.lab.worlds import shapes
 from intervis.lab.worlds.triangles import Material, Soup
-from intervis.transform import transform
+from intervis.transform import rigid, transform
 
 PLASTERS = (
     (0.66, 0.60, 0.47), (0.70, 0.68, 0.62), (0.62, 0.45, 0.31), (0.55, 0.56, 0.55),
@@ -50,10 +50,7 @@ class Front:
     def pose(self) -> Float64Array:
         """(4, 4) house_from_front."""
         up = np.array([0.0, 0.0, 1.0])
-        pose = np.eye(4)
-        pose[:3, :3] = np.stack([self.along, up, np.cross(self.along, up)], axis=1)
-        pose[:3, 3] = self.corner
-        return pose
+        return rigid(np.stack([self.along, up, np.cross(self.along, up)], axis=1), self.corner)
 
 
 def _flat(left: float, right: float, low: float, high: float, out: float = 0.0) -> Float64Array:

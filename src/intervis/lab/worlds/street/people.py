@@ -1,10 +1,12 @@
 """People, on foot and on a bicycle."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
 from intervis.lab.worlds import shapes
 from intervis.lab.worlds.triangles import Material, Soup
+from intervis.transform import rigid, transform
 
 SKIN = ((0.52, 0.34, 0.25), (0.62, 0.42, 0.32), (0.28, 0.17, 0.11), (0.42, 0.27, 0.18))
 CLOTHES = (
@@ -21,11 +23,9 @@ def _limb(top: Float64Array, foot: Float64Array, thick_m: float, thin_m: float) 
     up = way / length
     side = np.cross(up, [0.0, 1.0, 0.0] if abs(up[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([side, np.cross(up, side), up], axis=1)
+    rotation = np.stack([side, np.cross(up, side), up], axis=1)
     tube = shapes.tube([thin_m, thick_m], [0.0, length], 6)
-    turned: Float64Array = tube @ pose[:3, :3].T + foot
-    return turned
+    return transform(rigid(rotation, foot), tube)
 
 
 def person(rng: np.random.Generator, height_m: float | None = None, stride: float = 0.3) -> Soup:
@@ -93,15 +93,11 @@ def cyclist(rng: np.random.Generator) -> Soup:
     ]
     bars.append(_limb(np.array([0.4, 0.28, 1.0]), np.array([0.4, -0.28, 1.0]), 0.018, 0.018))
     rider = person(rng, 1.76, stride=0.28)
-    lean = np.radians(14.0)
-    pose = np.eye(4)
-    pose[0, 0] = pose[2, 2] = np.cos(lean)
-    pose[0, 2], pose[2, 0] = np.sin(lean), -np.sin(lean)
-    pose[:3, 3] = [-0.32, 0.0, 0.14]
+    leaning = Rotation.from_euler("y", 14.0, degrees=True).as_matrix()
     return Soup.joined(
         [
             Soup.of(np.concatenate(wheels), black),
             Soup.of(np.concatenate(bars), frame),
-            rider.moved(pose),
+            rider.moved(rigid(leaning, [-0.32, 0.0, 0.14])),
         ]
     )

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
 from intervis.lab.worlds.street import terrain
@@ -12,6 +13,7 @@ from intervis.lab.worlds.street.centreline import Path
 from intervis.lab.worlds.street.people import cyclist, person
 from intervis.lab.worlds.triangles import Soup
 from intervis.lab.worlds.world import Mover
+from intervis.transform import rigid
 
 SENSOR_HEIGHT_M = 1.73
 LANE_M = 1.9
@@ -30,13 +32,8 @@ def vehicle_pose(path: Path, time_s: float) -> Float64Array:
     drift = 0.12 * np.sin(0.31 * time_s)
     pose = path.pose(s, -LANE_M + drift, SENSOR_HEIGHT_M, yaw_rad=0.004 * np.sin(0.8 * time_s))
     nod, sway = 0.0035 * np.sin(4.1 * time_s), 0.0025 * np.sin(2.7 * time_s)
-    turn = np.eye(4)
-    turn[:3, :3] = [
-        [np.cos(nod), 0, np.sin(nod)],
-        [np.sin(sway) * np.sin(nod), np.cos(sway), -np.sin(sway) * np.cos(nod)],
-        [-np.cos(sway) * np.sin(nod), np.sin(sway), np.cos(sway) * np.cos(nod)],
-    ]
-    return np.asarray(pose @ turn)
+    rotation = Rotation.from_euler("XY", [sway, nod]).as_matrix()
+    return np.asarray(pose @ rigid(rotation, [0.0, 0.0, 0.0]))
 
 
 @dataclass(frozen=True)
