@@ -1,9 +1,9 @@
-"""The built-in street, built once."""
+"""The built-in street, built once for all tests, and once more to compare."""
 
 import pytest
 
 from intervis.lab.worlds.street.layout import build_street
-from intervis.lab.worlds.world import Moment, World
+from intervis.lab.worlds.world import Snapshot, World
 
 
 @pytest.fixture(scope="session")
@@ -12,5 +12,11 @@ def street() -> World:
 
 
 @pytest.fixture(scope="session")
-def street_moment(street: World) -> Moment:
+def street_again() -> World:
+    """The street of the same seed, built a second time."""
+    return build_street(0)
+
+
+@pytest.fixture(scope="session")
+def street_snapshot(street: World) -> Snapshot:
     return street.at(0.7)

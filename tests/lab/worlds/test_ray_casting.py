@@ -122,20 +122,20 @@ def test_closest_hit_is_moeller_trumbores(
     assert_closest(triangles, origins, unit(ways))
 
 
-def test_many_rays_in_the_street(street_moment, street, rng) -> None:
+def test_many_rays_in_the_street(street_snapshot, street, rng) -> None:
     """Every ray's own triangle is hit exactly; a sample is checked against all triangles."""
     origins = rng.uniform([-5, -3, -1], [60, 3, 3], (50_000, 3))
     ways = unit(rng.normal(size=(50_000, 3)) * [1, 1, 0.2])
-    ranges, hits = street_moment.caster.closest(origins, ways)
+    ranges, hits = street_snapshot.caster.closest(origins, ways)
     hit = np.flatnonzero(hits >= 0)
     assert len(hit) > 30_000
-    a, b, c = street_moment.triangles[hits[hit]].transpose(1, 0, 2)
+    a, b, c = street_snapshot.triangles[hits[hit]].transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     places = origins[hit] + ranges[hit, None] * ways[hit]
     off = np.einsum("ij,ij->i", places - a, normal) / np.linalg.norm(normal, axis=1)
     assert np.abs(off).max() < 1e-9
-    near = np.linalg.norm(street_moment.triangles[:, 0], axis=1) < 60
-    few = street_moment.triangles[near][::29]
+    near = np.linalg.norm(street_snapshot.triangles[:, 0], axis=1) < 60
+    few = street_snapshot.triangles[near][::29]
     assert np.isfinite(assert_closest(few, origins[:60], ways[:60])).sum() > 5
 
 
@@ -185,9 +185,9 @@ def test_degenerate_triangles_are_never_hit() -> None:
         shapes.box([-1, -2, -3], [2, 1, 0.5]),
         shapes.ellipsoid([3.0, 1.0, 2.0], 7, 11),
         shapes.tube([1.0, 1.4, 0.6], [-2.0, 0.0, 1.5], 9),
-        shapes.swept([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]], [0, -3, 0], [0, 3, 0]),
+        shapes.extruded([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]], [0, -3, 0], [0, 3, 0]),
     ],
-    ids=["box", "ellipsoid", "tube", "swept"],
+    ids=["box", "ellipsoid", "tube", "extruded"],
 )
 def test_no_ray_leaves_a_closed_body(body: Array, rng) -> None:
     caster = RayCaster(body)
@@ -205,7 +205,7 @@ def test_normals_of_closed_bodies_point_outwards() -> None:
         shapes.box([-1, -1, -1], [1, 1, 1]),
         shapes.ellipsoid([1.0, 2.0, 3.0]),
         shapes.tube([1.0, 0.5], [-1.0, 1.0], 8),
-        shapes.swept([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]], [0, -3, 0], [0, 3, 0]),
+        shapes.extruded([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]], [0, -3, 0], [0, 3, 0]),
     ):
         normal = np.cross(body[:, 1] - body[:, 0], body[:, 2] - body[:, 0])
         assert (np.einsum("tj,tj->t", normal, body.mean(axis=1)) > 0).all()
@@ -217,15 +217,15 @@ def test_normals_of_closed_bodies_point_outwards() -> None:
     )
 
 
-def test_blocked_is_closest_within_the_segment(street_moment, rng) -> None:
+def test_blocked_is_closest_within_the_segment(street_snapshot, rng) -> None:
     first = rng.uniform([-20, -6, -1], [90, 6, 4], (3000, 3))
     second = rng.uniform([-20, -6, -1], [90, 6, 4], (3000, 3))
     way = second - first
-    ranges, _ = street_moment.caster.closest(first, way, 1.0)
-    blocked = street_moment.caster.blocked(first, second)
+    ranges, _ = street_snapshot.caster.closest(first, way, 1.0)
+    blocked = street_snapshot.caster.blocked(first, second)
     np.testing.assert_array_equal(blocked, ranges < 1.0)
     assert 0.2 < blocked.mean() < 0.9
-    np.testing.assert_array_equal(blocked, street_moment.caster.blocked(second, first))
+    np.testing.assert_array_equal(blocked, street_snapshot.caster.blocked(second, first))
 
 
 def test_blocked_leaves_slack_before_the_end() -> None:
@@ -251,7 +251,7 @@ def test_first_hit_is_in_metres_and_ends_with_the_segment() -> None:
 
 
 def test_all_octants_are_alike(rng) -> None:
-    body = box().soup.triangles - [10.0, 0.0, 0.75]
+    body = box().triangles - [10.0, 0.0, 0.75]
     ways = unit(rng.normal(size=(500, 3)))
     ranges, _ = RayCaster(body).closest([0.0, 0, 0.0], ways)
     for signs in np.stack(np.meshgrid([1, -1], [1, -1], [1, -1]), -1).reshape(-1, 3):
@@ -259,8 +259,8 @@ def test_all_octants_are_alike(rng) -> None:
         np.testing.assert_allclose(turned, ranges, rtol=1e-12)
 
 
-def test_joined_casters_answer_as_one(street_moment, rng) -> None:
-    triangles = street_moment.triangles[:4000]
+def test_joined_casters_answer_as_one(street_snapshot, rng) -> None:
+    triangles = street_snapshot.triangles[:4000]
     whole = RayCaster(triangles)
     parts = RayCaster.joined([RayCaster(triangles[:1500]), RayCaster(triangles[1500:])])
     origins = rng.uniform([-60, -8, -1], [60, 8, 5], (2000, 3))

@@ -86,13 +86,13 @@ def test_free_excludes_ground_bodies_and_beyond() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_scans_of_analytic_worlds_lie_on_them(name: str, rng) -> None:
     world = ANALYTIC_WORLDS[name]()
-    scanner = Scanner(columns=400, noise_m=0.0, lost=0.0, least_signal=0.0, roof=None)
-    moment = world.world().at(0.0)
-    points, attributes = scanner.scan(moment, world.world().vehicle_pose_at(0.0), rng)
+    scanner = Scanner(columns=400, noise_m=0.0, dropout=0.0, least_signal=0.0, roof=None)
+    snapshot = world.world().at(0.0)
+    points, attributes = scanner.scan(snapshot, world.world().vehicle_pose_at(0.0), rng)
     assert len(points) > 8000
     places = points.astype(np.float64) + world.sensor
     corner, *_ = world.triangles[attributes["triangle"]].transpose(1, 0, 2)
-    off = np.einsum("ij,ij->i", places - corner, moment.normals[attributes["triangle"]])
+    off = np.einsum("ij,ij->i", places - corner, snapshot.normals[attributes["triangle"]])
     assert np.abs(off).max() < 1e-4
     # Whatever is scanned is seen, a little before the surface.
     shy = places - 0.03 * (places - world.sensor) / np.linalg.norm(

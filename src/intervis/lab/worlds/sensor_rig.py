@@ -1,4 +1,4 @@
-"""The simulated vehicle's calibration, as it is written and as it is used."""
+"""The sensors of the simulated vehicle: their extrinsics, the cameras, the calibration files."""
 
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -13,7 +13,7 @@ from intervis.transform import rigid
 WIDTH_PX, HEIGHT_PX = 1242, 375
 FOCAL_PX, CX_PX, CY_PX = 721.5377, 609.5593, 172.854
 BASELINES_M = {"00": 0.0, "01": 0.54, "02": -0.06, "03": 0.48}
-"""Where each camera sits to the right of camera 0."""
+"""Distance of each camera to the right of camera 0."""
 
 
 def _rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array:
@@ -22,7 +22,7 @@ def _rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array
 
 
 def _printed(matrix: Float64Array) -> Float64Array:
-    """Rounded to what the files hold, so that readers and renderer use the same numbers."""
+    """Rounded to the digits of the files, so that readers and renderer use the same numbers."""
     return np.array([float(f"{number:.12e}") for number in matrix.ravel()]).reshape(matrix.shape)
 
 
@@ -31,8 +31,8 @@ def _numbers(matrix: Float64Array) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
-    """How the sensors of the simulated vehicle sit to each other.
+class SensorRig:
+    """Extrinsics and cameras of the simulated vehicle.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Calibration:
 
     @property
     def cam_from_velo(self) -> Float64Array:
-        """(4, 4) the rectified camera frame from the sensor's."""
+        """(4, 4) the rectified camera frame from the LiDAR frame."""
         return rigid(self.rectification, [0.0, 0.0, 0.0]) @ self.cam0_from_velo
 
     def camera(self, number: str = "02") -> Camera:
@@ -75,9 +75,9 @@ class Calibration:
         )
         return Camera(_printed(projection), WIDTH_PX, HEIGHT_PX, f"image_{number}")
 
-    def files(self, stamp: datetime) -> dict[str, str]:
-        """The three calibration files of KITTI's raw layout: name and text."""
-        when = f"calib_time: {stamp:%d-%b-%Y %H:%M:%S}\n"
+    def calibration_files(self, time: datetime) -> dict[str, str]:
+        """Names and texts of the three calibration files of KITTI's raw layout."""
+        when = f"calib_time: {time:%d-%b-%Y %H:%M:%S}\n"
         cameras = ""
         for number in BASELINES_M:
             camera = self.camera(number)
