@@ -1,4 +1,4 @@
-"""The picture: things are where the rig says, light falls where the sun says."""
+"""Rendered images: projection by the calibration, light and shadow by the sun."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,13 @@ GREY = Material("kerb", (0.4, 0.4, 0.4), 0.5)
 
 
 def numbers_of(text: str, key: str) -> NDArray[np.float64]:
-    """One line of a rig file, read without the project's reader."""
+    """One line of a calibration file, read without the project's reader."""
     line = next(line for line in text.splitlines() if line.startswith(f"{key}:"))
     return np.array([float(part) for part in line.split(":")[1].split()])
 
 
 def written() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """P_rect_02 and cam_from_velo as the files have them."""
+    """P_rect_02 and cam_from_velo of the written files."""
     files = SensorRig().calibration_files(START)
     cameras, velo = files["calib_cam_to_cam.txt"], files["calib_velo_to_cam.txt"]
     cam0_from_velo = np.eye(4)
@@ -47,7 +47,7 @@ def test_written_calibration_is_the_one_used() -> None:
 
 
 def test_a_triangle_is_painted_where_it_projects() -> None:
-    """Corners projected with the written files, on paper; pixels coloured by the renderer."""
+    """Corners projected with the written calibration; pixels coloured by the renderer."""
     corners_velo = np.array([[14.0, 3.0, 0.8], [17.0, -4.0, -0.9], [12.0, -1.0, 1.3]])
     projection, cam_from_velo = written()
     pose = np.eye(4)
@@ -91,7 +91,7 @@ def test_sky_above_ground_below_shadow_beside() -> None:
     ground = shapes.quad([-99, -99, -2], [99, -99, -2], [99, 99, -2], [-99, 99, -2])
     block = shapes.box([9.0, -1.0, -2.0], [11.0, 1.0, 1.0])
     world = World(Triangles.of(np.concatenate([ground, block]), GREY), (), lambda time_s: np.eye(4))
-    # The sun stands in the left at 45 degrees: the 3 m block throws 3 m of shadow to the right.
+    # The sun is at 45 degrees on the left: the shadow of the 3 m block is 3 m long, to the right.
     sun = (0.0, 1.0, 1.0)
     picture = render(world.at(0.0), camera, cam_from_velo, np.eye(4), sun).astype(float)
     sky = picture[2, 5]

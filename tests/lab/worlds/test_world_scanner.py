@@ -22,7 +22,7 @@ GREY = Material("building", (0.4, 0.4, 0.4), 0.5)
 
 
 def room(half_m: float = 20.0) -> Triangles:
-    """A closed box about the sensor: every beam comes back."""
+    """A closed box about the sensor: every beam has a return."""
     return Triangles.of(shapes.box([-half_m] * 3, [half_m] * 3), GREY)
 
 
@@ -90,7 +90,7 @@ def test_dropout_has_its_rate_and_shifts_nothing(rng) -> None:
 
 
 def test_half_of_the_returns_are_lost_at_least_signal(rng) -> None:
-    # A wall straight before each beam would be needed for cosine 1; a sphere gives just that.
+    # On a sphere about the sensor every beam has cosine 1.
     radius = 50.0
     ball = Triangles.of(shapes.ellipsoid([radius] * 3, 90, 180), GREY)
     scanner = dataclasses.replace(EXACT, least_signal=0.5 / radius**2)
@@ -107,7 +107,7 @@ def test_glass_passes_most_slanting_beams(rng) -> None:
     points, _ = EXACT.scan(snapshot, np.eye(4), rng)
     face = np.abs(points[:, :2]).max(axis=1) / np.linalg.norm(points, axis=1)
     assert 0.3 < len(points) / (64 * COLUMNS) < 0.8
-    assert (face > 0.98).mean() > 0.15  # those that look straight at it come back
+    assert (face > 0.98).mean() > 0.15  # beams at normal incidence return
 
 
 def test_range_limits(rng) -> None:
@@ -158,8 +158,8 @@ def test_attributes_belong_to_what_was_hit(street, street_snapshot) -> None:
     assert found["intensity"].min() >= 0
     assert found["intensity"].max() <= 0.99
     assert points.dtype == np.float32
-    assert (found["object"] > 0).sum() > 500  # traffic is there
-    # Each point lies in the plane of its triangle, but for noise along the beam.
+    assert (found["object"] > 0).sum() > 500  # actors are hit
+    # Each point lies in the plane of its triangle, except for noise along the beam.
     places = transform(pose, points)
     corner = street_snapshot.triangles[found["triangle"], 0]
     off = np.einsum("ij,ij->i", places - corner, street_snapshot.normals[found["triangle"]])
@@ -251,7 +251,7 @@ def test_every_preset_scans(name: str, street, street_snapshot) -> None:
         {"dropout": 1.5},
     ],
 )
-def test_senseless_scanners_are_refused(wrong) -> None:
+def test_invalid_scanners_are_refused(wrong) -> None:
     with pytest.raises(SettingsError, match="a scanner"):
         Scanner(**wrong)
 

@@ -13,7 +13,7 @@ from intervis.transform import checked_pose, inverse, transform
 
 
 def below(street, snapshot, points_velo, time_s: float):
-    """Height of each place above what lies under it, and that thing's label."""
+    """Height (N,) of points above the surface below them, and the label of that surface."""
     pose = street.vehicle_pose_at(time_s)
     down = np.tile(-pose[:3, 2], (len(points_velo), 1))
     ranges, hits = snapshot.caster.closest(transform(pose, np.asarray(points_velo)), down)
@@ -42,7 +42,7 @@ def test_vehicle_drives_at_eight_to_ten_metres_a_second(street) -> None:
     steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
     assert steps.min() > 0.78
     assert steps.max() < 1.0
-    # It goes where it looks, within a degree and a half, and does not jerk.
+    # It moves along its heading within 1.5 degrees, with small accelerations.
     heading = np.einsum("fi,fi->f", np.diff(poses[:, :3, 3], axis=0), poses[:-1, :3, 0]) / steps
     assert heading.min() > np.cos(np.radians(1.5))
     assert np.linalg.norm(np.diff(poses[:, :3, 3], 2, axis=0), axis=1).max() < 0.05
@@ -56,7 +56,7 @@ def test_sensor_is_173_cm_above_the_road(street, time_s: float) -> None:
 
 
 def test_profile_of_the_street(street) -> None:
-    """Road, strip, parking, kerb, pavement, garden: from right to left across the street."""
+    """Cross-section of the street: road, kerb, pavement."""
     # Straight down from 0.3 m above the road (below cars' bellies there is road as well), at a
     # place without furniture; the vehicle is 1.9 m right of the middle.
     snapshot = street.at(0.0)
@@ -87,7 +87,7 @@ def test_the_route_is_free(street) -> None:
 
 
 def test_actors_keep_apart(street) -> None:
-    """Boxes of cars and riders, as wide and as long as they are, never overlap."""
+    """Cars and the cyclist never overlap."""
     cars = [actor for actor in street.actors if not actor.name.startswith("person")]
     for number in range(0, 337, 3):
         places = np.array([actor.pose_at(0.1 * number)[:3, 3] for actor in cars])

@@ -28,7 +28,7 @@ def require_embreex() -> tuple[Any, Any]:
         embreex is not installed.
     """
     try:
-        import embreex  # noqa: F401  (its absence must show even where its parts are loaded)
+        import embreex  # noqa: F401
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
     except ImportError:
@@ -105,16 +105,16 @@ class RayCaster:
         hits : (R,) int64 array
             Index of the triangle, -1 where nothing is hit.
         """
-        starts, ways = _paired(_rows(origins, "origins"), _rows(directions, "directions"))
-        lengths = np.linalg.norm(ways, axis=1)
+        starts, units = _paired(_rows(origins, "origins"), _rows(directions, "directions"))
+        lengths = np.linalg.norm(units, axis=1)
         moves = lengths > 0
         lengths[~moves] = 1.0
-        ways = np.where(moves[:, None], ways / lengths[:, None], [1.0, 0.0, 0.0])
+        units = np.where(moves[:, None], units / lengths[:, None], [1.0, 0.0, 0.0])
         ranges_m = np.where(moves, farthest * lengths, 0.0)
         hits = np.full(len(starts), -1, np.int64)
         first = 0
         for mesh in self._meshes:
-            own_m, own = mesh.closest(starts, ways, ranges_m)
+            own_m, own = mesh.closest(starts, units, ranges_m)
             nearer = own_m < ranges_m
             ranges_m[nearer], hits[nearer] = own_m[nearer], own[nearer] + first
             first += len(mesh.triangles)
@@ -175,7 +175,7 @@ class _Mesh:
         mesh_class(scene, (triangles - self._centre).astype(np.float32))
 
     def closest(
-        self, starts: Float64Array, ways: Float64Array, reach_m: Float64Array
+        self, starts: Float64Array, units: Float64Array, reach_m: Float64Array
     ) -> tuple[Float64Array, IntArray]:
         """Ranges (R,) in metres and triangles (R,) that rays of unit direction hit first."""
         local = starts - self._centre
@@ -186,31 +186,31 @@ class _Mesh:
         search_m = np.minimum(reach_m * (1 + FLOAT32_STEP) + 64 * rounding_m, 1e37)
         found = self._scene.run(
             local.astype(np.float32),
-            ways.astype(np.float32),
+            units.astype(np.float32),
             dists=search_m.astype(np.float32),
             output=True,
         )
         hits = found["primID"].astype(np.int64)
         ranges_m = np.full(len(hits), np.inf)
         hit = np.flatnonzero(hits >= 0)
-        ranges_m[hit] = self._plane_ranges_m(starts[hit], ways[hit], hits[hit], found["tfar"][hit])
+        ranges_m[hit] = self._plane_ranges_m(starts[hit], units[hit], hits[hit], found["tfar"][hit])
         return ranges_m, hits
 
     def _plane_ranges_m(
-        self, starts: Float64Array, ways: Float64Array, hits: IntArray, rough_m: Float64Array
+        self, starts: Float64Array, units: Float64Array, hits: IntArray, rough_m: Float64Array
     ) -> Float64Array:
         """Where rays (R,) cross the planes of their triangles, within the triangles' extent.
 
         A ray in the plane of its triangle keeps Embree's rough range.
         """
         normals = self._normals[hits]
-        sines = np.einsum("ri,ri->r", normals, ways)
+        sines = np.einsum("ri,ri->r", normals, units)
         heights_m = np.einsum("ri,ri->r", normals, self.triangles[hits, 0] - starts)
         ranges_m = np.where(sines != 0, heights_m / np.where(sines != 0, sines, 1.0), rough_m)
         grazing = np.flatnonzero(np.abs(sines) < GRAZING)
         if len(grazing):  # a hit is a weighted mean of the corners, so it lies between them
             corners = self.triangles[hits[grazing]] - starts[grazing, None]
-            along_m = np.einsum("rci,ri->rc", corners, ways[grazing])
+            along_m = np.einsum("rci,ri->rc", corners, units[grazing])
             low_m, high_m = along_m.min(axis=1), along_m.max(axis=1)
             ranges_m[grazing] = np.clip(ranges_m[grazing], low_m, high_m)
         return np.asarray(np.maximum(ranges_m, 0.0))
@@ -224,12 +224,12 @@ def _rows(array: ArrayLike, name: str) -> Float64Array:
 
 
 def _paired(first: Float64Array, second: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Two lists of points of the same length; a list of one is repeated."""
+    """Two lists of points broadcast to the same length."""
     try:
         first, second = np.broadcast_arrays(first, second)
     except ValueError:
         raise PointsError(
             f"{len(first)} and {len(second)} points cannot be paired:"
-            " give as many of the one as of the other, or a single one."
+            " give two arrays of the same length, or a single point."
         ) from None
     return first, second
