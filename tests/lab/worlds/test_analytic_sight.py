@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 NAMES = sorted(ANALYTIC_WORLDS)
 LINES = 2000
 MOST_RANGE_M = 45.0
-SLACK_M, SLACK_SHARE = 0.15, 0.01
-"""A return is this near to a surface, plus a share of its distance: noise, and the beam's size."""
+SLACK_M, SLACK_FRACTION = 0.15, 0.01
+"""Largest distance of a return from its surface, constant and per metre of its distance."""
 
 
 def scanned(world: AnalyticWorld, rng: np.random.Generator) -> tuple[Scene, Array]:
@@ -79,7 +79,7 @@ def test_lines_from_free_points_to_returns(name: str, rng) -> None:
     first = free_points(world, returns, rng)
     second = returns[rng.integers(len(returns), size=LINES)]
     lengths_m = np.linalg.norm(second - first, axis=1, keepdims=True)
-    slack = (SLACK_M + SLACK_SHARE * lengths_m) * (first - second) / lengths_m
+    slack = (SLACK_M + SLACK_FRACTION * lengths_m) * (first - second) / lengths_m
     near, nearer = world.visible(first, second + slack), world.visible(first, second + 2 * slack)
     valid = (near == nearer) & world.free(first) & world.free(second + slack)
     valid &= lengths_m[:, 0] > 1

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.lab.worlds import materials as of
-from intervis.lab.worlds import shapes
+from intervis.lab.worlds import materials, shapes
 from intervis.lab.worlds.triangles import Material, Triangles
 from intervis.transform import rigid
 
@@ -144,16 +143,16 @@ def _shell(body: Body, paint: Material) -> Triangles:
     cell_materials[
         np.ix_(np.array([stations - 1]), np.flatnonzero((depth == 2) | (depth == 3)))
     ] = TAILLIT
-    materials = {
+    material_by_number = {
         PAINT: paint,
         TRIMMED: TRIM,
-        GLAZED: of.GLASS,
+        GLAZED: materials.GLASS,
         HEADLIT: HEADLAMP,
         TAILLIT: TAILLAMP,
     }
     parts = [
         Triangles.of(cells[cell_materials == number], material)
-        for number, material in materials.items()
+        for number, material in material_by_number.items()
     ]
     under = [shapes.fan(rings[0, ::-1]), shapes.fan(rings[-1]), shapes.grid(rings[:, [-1, 0]])]
     return Triangles.joined([*parts, Triangles.of(np.concatenate(under), TRIM)])
@@ -167,9 +166,9 @@ def _wheel(radius_m: float) -> Triangles:
     circle = np.stack([np.cos(angle_rad), np.sin(angle_rad), np.zeros(14)], axis=1)
     tyre = np.concatenate([tread, shapes.fan(circle * radius_m)])
     rim = shapes.fan(circle * (0.62 * radius_m) + [0, 0, 0.006])
-    return Triangles.joined([Triangles.of(tyre, of.TYRE), Triangles.of(rim, RIM)]).transformed(
-        to_axle
-    )
+    return Triangles.joined(
+        [Triangles.of(tyre, materials.TYRE), Triangles.of(rim, RIM)]
+    ).transformed(to_axle)
 
 
 def _wheels(body: Body) -> Triangles:

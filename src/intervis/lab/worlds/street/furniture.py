@@ -3,8 +3,7 @@
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.lab.worlds import materials as of
-from intervis.lab.worlds import shapes
+from intervis.lab.worlds import materials, shapes
 from intervis.lab.worlds.triangles import Material, Triangles
 
 SIGN_WHITE = Material("sign", (0.80, 0.80, 0.78), 1.6)
@@ -23,7 +22,7 @@ def lamp(height_m: float = 7.2, reach_m: float = 1.9) -> Triangles:
     )
     return Triangles.joined(
         [
-            Triangles.of(np.concatenate([pole, arm]), of.STEEL),
+            Triangles.of(np.concatenate([pole, arm]), materials.STEEL),
             Triangles.of(head, Material("pole", (0.2, 0.21, 0.22), 0.3)),
             Triangles.of(glow, Material("pole", (0.85, 0.85, 0.78), 0.5)),
         ]
@@ -41,7 +40,7 @@ def _disc(radius_m: float, corners: int, turn_rad: float, x_m: float) -> Float64
 
 def sign(rng: np.random.Generator) -> Triangles:
     """A traffic sign at the origin, facing -x, towards traffic that drives along x."""
-    pole = Triangles.of(shapes.tube([0.032, 0.032], [-0.1, 2.75], 6), of.STEEL)
+    pole = Triangles.of(shapes.tube([0.032, 0.032], [-0.1, 2.75], 6), materials.STEEL)
     back = _disc(0.31, 16, 0.0, 0.012)[:, ::-1]
     kind = int(rng.integers(4))
     if kind == 0:  # a limit
@@ -49,9 +48,9 @@ def sign(rng: np.random.Generator) -> Triangles:
             (_disc(0.31, 18, 0, 0), SIGN_RED),
             (_disc(0.23, 18, 0, -0.006), SIGN_WHITE),
             (shapes.quad([-0.012, 0.09, -0.1], [-0.012, 0.03, -0.1], [-0.012, 0.03, 0.1],
-                         [-0.012, 0.09, 0.1]), of.TYRE),
+                         [-0.012, 0.09, 0.1]), materials.TYRE),
             (shapes.quad([-0.012, -0.02, -0.1], [-0.012, -0.1, -0.1], [-0.012, -0.1, 0.1],
-                         [-0.012, -0.02, 0.1]), of.TYRE),
+                         [-0.012, -0.02, 0.1]), materials.TYRE),
         ]  # fmt: skip
     elif kind == 1:  # priority
         faces = [
@@ -72,7 +71,9 @@ def sign(rng: np.random.Generator) -> Triangles:
         ]
     raised = [0.0, 0.0, 2.4]
     parts = [Triangles.of(face + raised + [-0.05, 0, 0], material) for face, material in faces]
-    return Triangles.joined([pole, Triangles.of(back + raised + [-0.05, 0, 0], of.STEEL), *parts])
+    return Triangles.joined(
+        [pole, Triangles.of(back + raised + [-0.05, 0, 0], materials.STEEL), *parts]
+    )
 
 
 def bin_(rng: np.random.Generator) -> Triangles:
@@ -144,7 +145,7 @@ def shelter() -> Triangles:
         [
             Triangles.of(np.concatenate([*posts, roof, rail, seat]), steel),
             Triangles.of(poster, Material("furniture", (0.6, 0.35, 0.1), 0.4)),
-            Triangles.of(np.concatenate(panes), of.GLASS),
+            Triangles.of(np.concatenate(panes), materials.GLASS),
         ]
     )
 
@@ -160,7 +161,7 @@ def wall(length_m: float, height_m: float, material: Material) -> Triangles:
 
 def fence(rng: np.random.Generator, length_m: float, height_m: float = 1.1) -> Triangles:
     """A picket fence along x from the origin; beams pass between the pickets."""
-    wood = Material("fence", (0.5, 0.48, 0.44), 0.45) if rng.random() < 0.5 else of.WOOD
+    wood = Material("fence", (0.5, 0.48, 0.44), 0.45) if rng.random() < 0.5 else materials.WOOD
     pickets = np.arange(0.06, length_m - 0.05, 0.19)
     one = shapes.box([-0.045, -0.015, 0.05], [0.045, 0.015, height_m], bottom=False)
     many = (

@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.lab.worlds import materials as of
-from intervis.lab.worlds import shapes
+from intervis.lab.worlds import materials, shapes
 from intervis.lab.worlds.triangles import Material, Triangles
 from intervis.transform import rigid, transform
 
@@ -106,7 +105,7 @@ def _window(width: float, height: float, shutters: Material | None) -> Triangles
         _flat(middle - bar / 2, middle + bar / 2, bar, height - bar, before),
     ]
     parts = [
-        Triangles.of(_flat(0, width, 0, height, -RECESS_M), of.PANE),
+        Triangles.of(_flat(0, width, 0, height, -RECESS_M), materials.PANE),
         Triangles.of(np.concatenate(bars), FRAME),
         Triangles.of(_slab(-0.05, width + 0.05, -0.06, 0.0, (0.0, 0.09)), SILL),
     ]
@@ -126,7 +125,7 @@ def _door(opening: Opening, material: Material) -> Triangles:
     return Triangles.joined(
         [
             Triangles.of(_flat(left, right, low, high - 0.4, -DOOR_RECESS_M), material),
-            Triangles.of(_flat(left, right, high - 0.4, high, -DOOR_RECESS_M), of.PANE),
+            Triangles.of(_flat(left, right, high - 0.4, high, -DOOR_RECESS_M), materials.PANE),
             Triangles.of(np.concatenate([canopy, step]), SILL),
         ]
     )
@@ -334,7 +333,7 @@ def far_house(rng: np.random.Generator, width_m: float, depth_m: float, floors: 
     return Triangles.joined(
         [
             Triangles.of(walls, plaster),
-            Triangles.of(np.concatenate(panes), of.PANE),
+            Triangles.of(np.concatenate(panes), materials.PANE),
             _gable_roof(rng, width_m, depth_m, eaves, plaster),
         ]
     )

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from intervis.lab.worlds import materials as of
-from intervis.lab.worlds import shapes
+from intervis.lab.worlds import materials, shapes
 from intervis.lab.worlds.triangles import Material, Triangles
 
 
@@ -52,7 +51,7 @@ def tree(rng: np.random.Generator, height_m: float = 8.0, near: bool = True) -> 
         (rng.uniform(0.07, 0.17), rng.uniform(0.17, 0.26), rng.uniform(0.025, 0.06)),
         rng.uniform(0.4, 0.52),
     )
-    parts = [Triangles.of(trunk, of.BARK).speckled(rng, 0.15)]
+    parts = [Triangles.of(trunk, materials.BARK).speckled(rng, 0.15)]
     spread = height_m * rng.uniform(0.24, 0.31)
     clumps = 7 if near else 3
     for clump in range(clumps):
@@ -71,14 +70,16 @@ def tree(rng: np.random.Generator, height_m: float = 8.0, near: bool = True) -> 
         parts.append(crown.transformed(shapes.upright_rotation(azimuth_rad, place)))
         if near and not top:
             branch = shapes.quad([0, 0, fork], [0, 0, fork + 0.12], place, place)[:1]
-            parts.append(Triangles.of(branch, of.BARK))
+            parts.append(Triangles.of(branch, materials.BARK))
     return Triangles.joined(parts)
 
 
 def conifer(rng: np.random.Generator, height_m: float = 9.0) -> Triangles:
     """A conifer at the origin: tiers of conical skirts."""
     parts = [
-        Triangles.of(shapes.tube([0.16, 0.05], [0.0, height_m * 0.9], 6, closed=False), of.BARK)
+        Triangles.of(
+            shapes.tube([0.16, 0.05], [0.0, height_m * 0.9], 6, closed=False), materials.BARK
+        )
     ]
     green = Material("vegetation", (0.035, rng.uniform(0.09, 0.13), 0.04), 0.36)
     for tier in range(9):
@@ -92,7 +93,7 @@ def conifer(rng: np.random.Generator, height_m: float = 9.0) -> Triangles:
 
 def bush(rng: np.random.Generator, size_m: float = 0.8) -> Triangles:
     """A bush on the ground at the origin."""
-    leaf = of.LEAF.tinted(rng.uniform(0.6, 1.2))
+    leaf = materials.LEAF.tinted(rng.uniform(0.6, 1.2))
     radii = (size_m * rng.uniform(0.8, 1.2), size_m * rng.uniform(0.8, 1.2), size_m * 0.8)
     crown = _crown(rng, leaf, radii, 40, 0.11, core=(5, 8))
     return crown.transformed(shapes.upright_rotation(rng.uniform(0, 6.28), [0, 0, size_m * 0.6]))
@@ -111,7 +112,11 @@ def hedge(rng: np.random.Generator, length_m: float, height_m: float, width_m: f
     points[:, :, 2] = above
     points[1:-1, 1:-1] += rng.normal(scale=0.045, size=(cells - 2, len(across) - 2, 3))
     ends = [shapes.fan(points[0]), shapes.fan(points[-1, ::-1])]
-    body = Triangles.of(np.concatenate([shapes.grid(points), *ends]), of.HEDGE).speckled(rng, 0.3)
+    body = Triangles.of(np.concatenate([shapes.grid(points), *ends]), materials.HEDGE).speckled(
+        rng, 0.3
+    )
     tufts = shapes.leaves(rng, int(length_m * 16), [length_m / 2, half * 1.12, height_m / 2], 0.1)
     tufts += np.array([length_m / 2, 0.0, height_m * 0.54])
-    return Triangles.joined([body, Triangles.of(tufts, of.HEDGE.tinted(1.35)).speckled(rng, 0.35)])
+    return Triangles.joined(
+        [body, Triangles.of(tufts, materials.HEDGE.tinted(1.35)).speckled(rng, 0.35)]
+    )

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arrays import Float64Array
-from intervis.lab.worlds import materials as of
-from intervis.lab.worlds import shapes
+from intervis.lab.worlds import materials, shapes
 from intervis.lab.worlds.street.centreline import Centreline
 from intervis.lab.worlds.triangles import Material, Triangles
 
@@ -79,14 +78,17 @@ def carriageway(centreline: Centreline, rng: np.random.Generator) -> Triangles:
     """Road, parking strips, kerbs and pavements."""
     coarse = np.arange(centreline.first_m, centreline.last_m + 0.1, 2.0)
     fine = np.arange(centreline.first_m, centreline.last_m + 0.1, 1.0)
-    parts = [_strip(centreline, coarse, np.linspace(-ROAD_M, ROAD_M, 5), np.zeros(5), of.ASPHALT)]
+    parts = [
+        _strip(centreline, coarse, np.linspace(-ROAD_M, ROAD_M, 5), np.zeros(5), materials.ASPHALT)
+    ]
     for side in (1, -1):
         bands = [
-            (coarse, [ROAD_M, ROAD_M + 0.25], [0, 0], of.KERB, 0.08),
-            (coarse, [ROAD_M + 0.25, KERB_M], [0, 0.02], of.PARKING, 0.04),
+            (coarse, [ROAD_M, ROAD_M + 0.25], [0, 0], materials.KERB, 0.08),
+            (coarse, [ROAD_M + 0.25, KERB_M], [0, 0.02], materials.PARKING, 0.04),
             (fine, [KERB_M, KERB_M + 0.02, KERB_M + 0.16], [0.02, KERB_HIGH_M, KERB_HIGH_M],
-             of.KERB, 0.08),
-            (fine, np.linspace(KERB_M + 0.16, WALK_M, 4), np.full(4, KERB_HIGH_M), of.SLABS, 0.10),
+             materials.KERB, 0.08),
+            (fine, np.linspace(KERB_M + 0.16, WALK_M, 4), np.full(4, KERB_HIGH_M),
+             materials.SLABS, 0.10),
         ]  # fmt: skip
         for s, d, h, material, spread in bands:
             across = np.asarray(d, float) * side
@@ -121,16 +123,16 @@ def markings(centreline: Centreline, crossings: tuple[float, ...]) -> Triangles:
     parts = []
     for s in np.arange(centreline.first_m + 2, centreline.last_m - 5, 9.0):
         if not any(abs(s + 1.5 - crossing) < 6 for crossing in crossings):
-            parts.append(_patch(centreline, (s, s + 3.0), (-0.06, 0.06), of.PAINT))
+            parts.append(_patch(centreline, (s, s + 3.0), (-0.06, 0.06), materials.PAINT))
     for crossing in crossings:
         for d in np.arange(-3.5, 3.4, 1.0):
             parts.append(
-                _patch(centreline, (crossing - 1.5, crossing + 1.5), (d, d + 0.5), of.PAINT)
+                _patch(centreline, (crossing - 1.5, crossing + 1.5), (d, d + 0.5), materials.PAINT)
             )
         for near, side in ((-2.9, -1), (2.5, 1)):
             lane = sorted((side * 0.2, side * 3.5))
             line = (crossing + near, crossing + near + 0.4)
-            parts.append(_patch(centreline, line, (lane[0], lane[1]), of.PAINT))
+            parts.append(_patch(centreline, line, (lane[0], lane[1]), materials.PAINT))
     angle_rad = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     iron = Material("road", (0.06, 0.058, 0.055), 0.3)
     for number, s in enumerate(np.arange(centreline.first_m + 11, centreline.last_m - 5, 31.0)):
@@ -144,7 +146,9 @@ def patch(centreline: Centreline, s: float, side: int, width_m: float) -> Triang
     """A paved drive from the pavement to a garage, slightly above the lawn."""
     across = np.linspace(WALK_M, WALK_M + 4.6, 4)[::side] * side
     along = np.array([s - width_m / 2, s, s + width_m / 2])
-    return _strip(centreline, along, across, np.full(4, KERB_HIGH_M + 0.035), of.SLABS.tinted(0.8))
+    return _strip(
+        centreline, along, across, np.full(4, KERB_HIGH_M + 0.035), materials.SLABS.tinted(0.8)
+    )
 
 
 def terrain(centreline: Centreline, bridge: Bridge, rng: np.random.Generator) -> Triangles:
@@ -158,7 +162,9 @@ def terrain(centreline: Centreline, bridge: Bridge, rng: np.random.Generator) ->
     for side in (1, -1):
         across = np.array(out)[::side] * side
         height = terrain_height(s[:, None], across, bridge)
-        strip = Triangles.of(shapes.grid(centreline.points(s[:, None], across, height)), of.GRASS)
+        strip = Triangles.of(
+            shapes.grid(centreline.points(s[:, None], across, height)), materials.GRASS
+        )
         parts.append(strip.speckled(rng, 0.10))
     return Triangles.joined(parts)
 
@@ -170,17 +176,17 @@ def bridge_over(centreline: Centreline, bridge: Bridge) -> Triangles:
     ends = np.array([0.0, -bridge.span_m - 2.5, 0.0]), np.array([0.0, bridge.span_m + 2.5, 0.0])
     girder = [[half, 0, top - 0.35], [half, 0, top], [-half, 0, top], [-half, 0, top - 0.35],
               [-half + 1.2, 0, low], [half - 1.2, 0, low]]  # fmt: skip
-    parts = [Triangles.of(shapes.extruded(girder, *ends), of.CONCRETE)]
+    parts = [Triangles.of(shapes.extruded(girder, *ends), materials.CONCRETE)]
     road = shapes.quad(
         [-half + 0.5, ends[0][1], top + 0.01], [half - 0.5, ends[0][1], top + 0.01],
         [half - 0.5, ends[1][1], top + 0.01], [-half + 0.5, ends[1][1], top + 0.01],
     )  # fmt: skip
-    parts.append(Triangles.of(road, of.ASPHALT))
+    parts.append(Triangles.of(road, materials.ASPHALT))
     steel = Material("bridge", (0.10, 0.22, 0.20), 0.3)
     for side in (1, -1):
         edge = side * (half - 0.15)
         curb = shapes.box([edge - 0.17, ends[0][1], top], [edge + 0.17, ends[1][1], top + 0.32])
-        parts.append(Triangles.of(curb, of.CONCRETE.tinted(1.15)))
+        parts.append(Triangles.of(curb, materials.CONCRETE.tinted(1.15)))
         rails = [
             shapes.box([edge - 0.03, ends[0][1], z], [edge + 0.03, ends[1][1], z + 0.06])
             for z in (top + 0.7, top + 1.1)
@@ -191,12 +197,14 @@ def bridge_over(centreline: Centreline, bridge: Bridge) -> Triangles:
         ]
         parts.append(Triangles.of(np.concatenate([*rails, *posts]), steel))
         for x in (-half + 2.0, half - 2.0):
-            pier = Triangles.of(shapes.tube([0.42, 0.42], [-0.3, low + 0.02], 14), of.CONCRETE)
+            pier = Triangles.of(
+                shapes.tube([0.42, 0.42], [-0.3, low + 0.02], 14), materials.CONCRETE
+            )
             parts.append(pier.translated(x, side * 9.2, 0.0))
         beam = shapes.box([-half + 0.7, side * 9.2 - 0.5, low - 0.55],
                           [half - 0.7, side * 9.2 + 0.5, low + 0.02])  # fmt: skip
-        parts.append(Triangles.of(beam, of.CONCRETE))
+        parts.append(Triangles.of(beam, materials.CONCRETE))
         wall = sorted((side * (bridge.span_m - 1.6), side * (bridge.span_m - 1.0)))
         abutment = shapes.box([-half - 0.3, wall[0], -0.3], [half + 0.3, wall[1], top])
-        parts.append(Triangles.of(abutment, of.CONCRETE.tinted(0.85)))
+        parts.append(Triangles.of(abutment, materials.CONCRETE.tinted(0.85)))
     return Triangles.joined(parts).transformed(base)
