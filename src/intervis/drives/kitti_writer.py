@@ -1,4 +1,4 @@
-"""Where the files of a KITTI raw drive lie, and what stands in them."""
+"""Writing KITTI's raw layout: paths and contents of a drive's files."""
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -14,7 +14,7 @@ START = datetime(2011, 9, 26, 13, 2, 25)
 
 @dataclass(frozen=True)
 class Layout:
-    """The paths of one drive under a root folder.
+    """Paths of one drive under a root folder.
 
     Examples
     --------
@@ -26,7 +26,7 @@ class Layout:
 
     @property
     def date(self) -> Path:
-        """Folder of the day: the calibration lies there."""
+        """Folder of the day, with the calibration files."""
         return self.root / DATE
 
     @property
@@ -35,40 +35,40 @@ class Layout:
         return self.date / DRIVE
 
     def scan(self, number: int) -> Path:
-        """File of a scan: x, y, z, intensity as little-endian float32."""
+        """Path of a scan: x, y, z, intensity as little-endian float32."""
         return self.drive / "velodyne_points" / "data" / f"{number:010d}.bin"
 
     def image(self, number: int) -> Path:
-        """File of camera 2's picture."""
+        """Path of an image of camera 2."""
         return self.drive / "image_02" / "data" / f"{number:010d}.png"
 
     def expected(self, frames: int) -> set[Path]:
-        """The scans and pictures of so many frames."""
+        """Paths of the scans and images of the first `frames` frames."""
         numbers = range(frames)
         return {*map(self.scan, numbers), *map(self.image, numbers)}
 
     def frame_files(self) -> list[Path]:
-        """Every scan and picture that is there, by name."""
+        """All scans and images that exist, sorted by path."""
         folders = [self.scan(0).parent, self.image(0).parent]
         return sorted(path for folder in folders for path in folder.glob("*") if path.is_file())
 
 
 def scan_bytes(points: Float32Array, intensity: Float32Array) -> bytes:
-    """The bytes of a scan's file."""
+    """The bytes of a scan file, from points (N, 3) in metres and intensities (N,)."""
     return np.column_stack([points, intensity]).astype("<f4").tobytes()
 
 
 def pose_text(poses: Float64Array) -> str:
-    """Poses (F, 4, 4) as KITTI's odometry set writes them: the upper three rows, one line each."""
+    """Poses (F, 4, 4) in the format of KITTI odometry: the upper three rows, one line a frame."""
     return "".join(" ".join(f"{x:.15e}" for x in pose[:3].ravel()) + "\n" for pose in poses)
 
 
-def stamp_text(frames: int, period_s: float) -> str:
-    """The lines of a ``timestamps.txt``, with nanoseconds.
+def timestamp_text(frames: int, period_s: float) -> str:
+    """The lines of ``timestamps.txt``, with nanoseconds.
 
     Examples
     --------
-    >>> stamp_text(2, 0.1).splitlines()[1]
+    >>> timestamp_text(2, 0.1).splitlines()[1]
     '2011-09-26 13:02:25.100000000'
     """
     times = (START + timedelta(seconds=number * period_s) for number in range(frames))

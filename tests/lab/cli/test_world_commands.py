@@ -1,4 +1,4 @@
-"""`intervis simulate`, `intervis demo`, and the mistakes that a drive with a camera can hold."""
+"""`intervis simulate` and `intervis demo`; errors in the files of a drive with a camera."""
 
 import contextlib
 import csv
@@ -29,7 +29,7 @@ def simulated(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory) -> Path:
-    """What a demo of one frame leaves."""
+    """The output folder of a demo of one frame."""
     out = tmp_path_factory.mktemp("demo") / "demo"
     assert exit_code(["demo", "--out", str(out), "--frames", "1", "--seed", "1"]) == 0
     return out
@@ -137,3 +137,20 @@ def test_a_demo_where_a_file_stands_is_refused(tmp_path, capsys):
     err = capsys.readouterr().err
     assert len(err.splitlines()) == 1
     assert (tmp_path / "taken").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["simulate", "--out"], ["demo", "--out"], ["evaluate", "street", "--json"]],
+    ids=["simulate", "demo", "evaluate"],
+)
+def test_commands_without_embreex_name_the_extra(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "embreex", None)
+    assert exit_code([*command, str(tmp_path / "new")]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == (
+        "intervis: ray casting needs the package 'embreex':"
+        " install it with pip install 'intervis[lab]'.\n"
+    )
+    assert not list(tmp_path.iterdir())

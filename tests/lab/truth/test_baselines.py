@@ -14,7 +14,7 @@ from intervis.lab.truth.baselines import (
     triangulated,
 )
 from intervis.lab.truth.baselines.voxels import march
-from intervis.lab.truth.rays import caster_of
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import inverse, rigid, transform
 
 SENSOR_HEIGHT_M = 1.7
@@ -194,7 +194,7 @@ def test_march_ignores_voxels_near_both_ends():
 
 
 def test_surface_closes_behind_the_sensor():
-    caster = caster_of(triangulated.surface(SCAN, 0.6))
+    caster = RayCaster(triangulated.surface(SCAN, 0.6))
     back = np.array([[-9.0, y, -3.0] for y in np.linspace(-0.3, 0.3, 31)])  # under the ground
     assert caster.blocked(np.zeros(3), back).all()
 
@@ -204,7 +204,7 @@ def test_surface_is_cut_where_ranges_jump():
     azimuth, elevation = np.radians(np.linspace(26.0, 27.5, 61)), np.radians(-5.25)
     direction = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.full(61, np.tan(elevation))])
     bridged, cut = (
-        caster_of(triangulated.surface(SCAN, jump)).first_hit(np.zeros(3), 18 * direction)
+        RayCaster(triangulated.surface(SCAN, jump)).first_hit(np.zeros(3), 18 * direction)
         for jump in (9.0, 0.2)
     )
     on_bridge = (bridged > 9.3) & (bridged < 17)

@@ -12,10 +12,10 @@ from intervis.lab.cli.evaluate import evaluate
 from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.methods import Method, Predictions
 from intervis.lab.truth.query_set import QuerySet
-from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.reliability_plot import reliability_figure
 from intervis.lab.truth.results import EvaluationResult, MethodResult
 from intervis.lab.truth.tables import accuracy_table
+from intervis.lab.worlds.ray_casting import RayCaster
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def drive(tmp_path):
 def known_methods(monkeypatch):
     def cast(inputs, viewpoint, targets):
         distance = np.linalg.norm(targets - viewpoint, axis=1)
-        blocked = caster_of(YARD).blocked(viewpoint, targets, slack_m=0.15 + 0.01 * distance)
+        blocked = RayCaster(YARD).blocked(viewpoint, targets, slack_m=0.15 + 0.01 * distance)
         probability = np.where(blocked, 0.1, 0.9)
         state = np.where(np.arange(len(targets)) % 4 == 0, -1, ~blocked)
         return Predictions(probability, state, 0.01, 0.002)

@@ -13,8 +13,8 @@ from intervis.lab.truth.evaluation import _seconds_since, evaluate_held_out, eva
 from intervis.lab.truth.exact_world import Sampling
 from intervis.lab.truth.methods import Method, Predictions, baseline_methods
 from intervis.lab.truth.query_set import QuerySet
-from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.results import EvaluationResult, MethodResult
+from intervis.lab.worlds.ray_casting import RayCaster
 
 FEW = Sampling(viewpoints=2, returns=300, free_points=300, anywhere=300)
 
@@ -47,7 +47,7 @@ def ray_caster(inputs, viewpoint, targets):
     """Casts rays at the triangles of the yard."""
     distance = np.linalg.norm(targets - viewpoint, axis=1)
     slack = 0.15 + 0.01 * distance
-    return 1.0 - caster_of(YARD).blocked(viewpoint, targets, slack_m=slack)
+    return 1.0 - RayCaster(YARD).blocked(viewpoint, targets, slack_m=slack)
 
 
 def test_a_ray_caster_scores_well_and_its_inverse_badly(drive):

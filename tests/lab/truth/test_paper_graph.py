@@ -14,8 +14,8 @@ from intervis.lab.truth.paper_graph import (
     graphs_by_exact_world,
     graphs_by_held_out_returns,
 )
-from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.tables import graph_table
+from intervis.lab.worlds.ray_casting import RayCaster
 
 WALL = np.array(
     [[[10.0, -6, -9], [10, 6, -9], [10, 6, 9]], [[10.0, -6, -9], [10, 6, 9], [10, -6, 9]]]
@@ -85,19 +85,19 @@ def test_nodes_on_two_sides_of_a_wall_do_not_see_each_other(rng):
 )
 def test_edges_end_on_surfaces_within_range_noise(start_x, stop_x, expected):
     ends = np.array([[[start_x, 0, 0], [stop_x, 0, 0]]])
-    assert _edges_free(ends, np.zeros(3), caster_of(WALL)).tolist() == [expected]
+    assert _edges_free(ends, np.zeros(3), RayCaster(WALL)).tolist() == [expected]
 
 
 def test_the_tolerance_of_edges_depends_on_the_range_from_the_viewpoint():
     ends = np.array([[[10.5, 0.0, 0], [5, 0, 0]]])
     near, far = np.zeros(3), np.array([10.5, 40.0, 0])
-    assert _edges_free(ends, near, caster_of(WALL)).tolist() == [False]
-    assert _edges_free(ends, far, caster_of(WALL)).tolist() == [True]  # 0.15 + 0.40 m
+    assert _edges_free(ends, near, RayCaster(WALL)).tolist() == [False]
+    assert _edges_free(ends, far, RayCaster(WALL)).tolist() == [True]  # 0.15 + 0.40 m
 
 
 def test_an_edge_without_length_is_free():
     ends = np.full((1, 2, 3), 5.0)
-    assert _edges_free(ends, np.zeros(3), caster_of(WALL)).tolist() == [True]
+    assert _edges_free(ends, np.zeros(3), RayCaster(WALL)).tolist() == [True]
 
 
 def test_later_poses_are_viewpoints(rng):

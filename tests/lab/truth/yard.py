@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from intervis.lab.truth.rays import caster_of
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import inverse, rigid, transform
 
 
@@ -36,7 +36,7 @@ def scan_of(triangles, pose, noise_m=0.0, step_deg=1.5):
     a, e = (grid.ravel() for grid in np.meshgrid(azimuth, elevation))
     directions = np.column_stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     start = pose[:3, 3]
-    reach = caster_of(triangles).first_hit(start, start + 100 * directions)
+    reach = RayCaster(triangles).first_hit(start, start + 100 * directions)
     reach += noise_m * rng.normal(size=len(reach))
     hit = np.isfinite(reach)
     return transform(inverse(pose), start + directions[hit] * reach[hit, None])

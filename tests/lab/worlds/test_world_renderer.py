@@ -1,19 +1,14 @@
-"""The picture: things are where the calibration says, light falls where the sun says."""
+"""Rendered images: projection by the calibration, light and shadow by the sun."""
 
 import numpy as np
-import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from intervis.camera import Camera
 from intervis.drives.kitti_writer import START
-from intervis.errors import PointsError
 from intervis.lab.worlds import shapes
-from intervis.lab.worlds.png import png_bytes
-from intervis.lab.worlds.renderer import Light, pixel_rays, render
-from intervis.lab.worlds.triangles import Material, Soup
-from intervis.lab.worlds.vehicle import Calibration
+from intervis.lab.worlds.renderer import pixel_rays, render
+from intervis.lab.worlds.sensor_rig import SensorRig
+from intervis.lab.worlds.triangles import Material, Triangles
 from intervis.lab.worlds.world import World
 from intervis.transform import inverse, transform
 
@@ -28,8 +23,8 @@ def numbers_of(text: str, key: str) -> NDArray[np.float64]:
 
 
 def written() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """P_rect_02 and cam_from_velo as the files have them."""
-    files = Calibration().files(START)
+    """P_rect_02 and cam_from_velo of the written files."""
+    files = SensorRig().calibration_files(START)
     cameras, velo = files["calib_cam_to_cam.txt"], files["calib_velo_to_cam.txt"]
     cam0_from_velo = np.eye(4)
     cam0_from_velo[:3, :3] = numbers_of(velo, "R").reshape(3, 3)
@@ -40,39 +35,26 @@ def written() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def test_written_calibration_is_the_one_used() -> None:
-    calibration = Calibration()
+    rig = SensorRig()
     projection, cam_from_velo = written()
-    np.testing.assert_array_equal(projection, calibration.camera().projection)
-    np.testing.assert_allclose(cam_from_velo, calibration.cam_from_velo, rtol=0, atol=1e-15)
-    size = numbers_of(calibration.files(START)["calib_cam_to_cam.txt"], "S_rect_02")
+    np.testing.assert_array_equal(projection, rig.camera().projection)
+    np.testing.assert_allclose(cam_from_velo, rig.cam_from_velo, rtol=0, atol=1e-15)
+    size = numbers_of(rig.calibration_files(START)["calib_cam_to_cam.txt"], "S_rect_02")
     assert size.tolist() == [1242.0, 375.0]
-    assert calibration.camera().fx_px == 721.5377
+    assert rig.camera().fx_px == 721.5377
     rotation = cam_from_velo[:3, :3]
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-11)
 
 
-def test_project_reads_the_written_calibration_alike(tmp_path) -> None:
-    from intervis.drives import open_drive
-    from intervis.lab.worlds import Scanner, simulate
-
-    folder = simulate(tmp_path, frames=1, scanner=Scanner(columns=40), images=False)
-    frame = open_drive(folder)[0]
-    assert frame.camera is not None
-    np.testing.assert_array_equal(frame.camera.projection, Calibration().camera().projection)
-    assert (frame.camera.width_px, frame.camera.height_px) == (1242, 375)
-    np.testing.assert_allclose(frame.cam_from_velo, Calibration().cam_from_velo, atol=1e-12)
-    np.testing.assert_array_equal(frame.pose, np.eye(4))
-
-
 def test_a_triangle_is_painted_where_it_projects() -> None:
-    """Corners projected with the written files, on paper; pixels coloured by the renderer."""
+    """Corners projected with the written calibration; pixels coloured by the renderer."""
     corners_velo = np.array([[14.0, 3.0, 0.8], [17.0, -4.0, -0.9], [12.0, -1.0, 1.3]])
     projection, cam_from_velo = written()
     pose = np.eye(4)
     pose[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     pose[:3, 3] = [7.0, -3.0, 2.0]
-    world = World(Soup.of(transform(pose, corners_velo)[None], RED), (), lambda time_s: pose)
-    picture = render(world.at(0.0), Calibration().camera(), Calibration().cam_from_velo, pose)
+    world = World(Triangles.of(transform(pose, corners_velo)[None], RED), (), lambda time_s: pose)
+    picture = render(world.at(0.0), SensorRig().camera(), SensorRig().cam_from_velo, pose)
     red = (picture[..., 0] > 120) & (picture[..., 1] < 90)
     points_cam = corners_velo @ cam_from_velo[:3, :3].T + cam_from_velo[:3, 3]
     pixels = points_cam @ projection[:, :3].T + projection[:, 3]
@@ -91,15 +73,15 @@ def test_a_triangle_is_painted_where_it_projects() -> None:
 
 
 def test_pixel_rays_invert_the_projection(rng) -> None:
-    camera, cam_from_velo = Calibration().camera(), Calibration().cam_from_velo
+    camera, cam_from_velo = SensorRig().camera(), SensorRig().cam_from_velo
     columns, rows = rng.uniform(0, 1242, 200), rng.uniform(0, 375, 200)
-    centre, ways = pixel_rays(camera, inverse(cam_from_velo), columns, rows)
-    points = centre + ways * rng.uniform(2, 90, (200, 1))
+    centre, directions = pixel_rays(camera, inverse(cam_from_velo), columns, rows)
+    points = centre + directions * rng.uniform(2, 90, (200, 1))
     pixels = transform(cam_from_velo, points) @ camera.projection[:, :3].T
     pixels += camera.projection[:, 3]
     np.testing.assert_allclose(pixels[:, 0] / pixels[:, 2], columns, atol=1e-6)
     np.testing.assert_allclose(pixels[:, 1] / pixels[:, 2], rows, atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(ways, axis=1), 1.0)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
 
 
 def test_sky_above_ground_below_shadow_beside() -> None:
@@ -108,10 +90,10 @@ def test_sky_above_ground_below_shadow_beside() -> None:
     cam_from_velo[:3, :3] = [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
     ground = shapes.quad([-99, -99, -2], [99, -99, -2], [99, 99, -2], [-99, 99, -2])
     block = shapes.box([9.0, -1.0, -2.0], [11.0, 1.0, 1.0])
-    world = World(Soup.of(np.concatenate([ground, block]), GREY), (), lambda time_s: np.eye(4))
-    # The sun stands in the left at 45 degrees: the 3 m block throws 3 m of shadow to the right.
-    light = Light((0.0, 1.0, 1.0))
-    picture = render(world.at(0.0), camera, cam_from_velo, np.eye(4), light).astype(float)
+    world = World(Triangles.of(np.concatenate([ground, block]), GREY), (), lambda time_s: np.eye(4))
+    # The sun is at 45 degrees on the left: the shadow of the 3 m block is 3 m long, to the right.
+    sun = (0.0, 1.0, 1.0)
+    picture = render(world.at(0.0), camera, cam_from_velo, np.eye(4), sun).astype(float)
     sky = picture[2, 5]
     assert sky[2] > sky[0] + 20  # blue
 
@@ -126,44 +108,14 @@ def test_sky_above_ground_below_shadow_beside() -> None:
     assert beyond > 0.9 * lit
 
 
-def test_picture_of_the_street_is_full_of_things_and_repeatable(street, street_moment) -> None:
-    calibration, pose = Calibration(), street.vehicle_pose_at(0.7)
-    picture = render(street_moment, calibration.camera(), calibration.cam_from_velo, pose)
-    again = render(street_moment, calibration.camera(), calibration.cam_from_velo, pose)
-    assert picture.shape == (375, 1242, 3)
+def test_picture_of_the_street_shows_many_surfaces_and_repeats(street, street_snapshot) -> None:
+    rig, pose = SensorRig(), street.vehicle_pose_at(0.7)
+    camera = Camera(rig.camera().projection / [[3], [3], [1]], 414, 125)
+    picture = render(street_snapshot, camera, rig.cam_from_velo, pose)
+    again = render(street_snapshot, camera, rig.cam_from_velo, pose)
+    assert picture.shape == (125, 414, 3)
     assert picture.dtype == np.uint8
     np.testing.assert_array_equal(picture, again)
     assert 90 < picture.mean() < 190
     assert picture.std() > 35
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20_000
-
-
-def test_pictures_do_not_depend_on_threads(street, street_moment, monkeypatch) -> None:
-    calibration, pose = Calibration(), street.vehicle_pose_at(0.7)
-    camera = Camera(calibration.camera().projection / [[4], [4], [1]], 310, 94)
-    pictures = []
-    for threads in ("1", "2"):
-        monkeypatch.setenv("INTERVIS_THREADS", threads)
-        pictures.append(render(street_moment, camera, calibration.cam_from_velo, pose))
-    np.testing.assert_array_equal(*pictures)
-
-
-@given(height=st.integers(1, 9), width=st.integers(1, 9), seed=st.integers(0, 99))
-@settings(max_examples=30, deadline=None)
-def test_png_is_what_pillow_reads(height: int, width: int, seed: int) -> None:
-    import io
-
-    from PIL import Image
-
-    image = np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
-    read = Image.open(io.BytesIO(png_bytes(image)))
-    assert read.mode == "RGB"
-    np.testing.assert_array_equal(np.asarray(read), image)
-
-
-@pytest.mark.parametrize(
-    "image", [np.zeros((3, 3), np.uint8), np.zeros((3, 3, 3)), np.zeros((0, 3, 3), np.uint8)]
-)
-def test_png_refuses_what_is_no_picture(image: NDArray[np.uint8]) -> None:
-    with pytest.raises(PointsError, match="picture"):
-        png_bytes(image)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 1000

@@ -117,7 +117,7 @@ def _opened(source: str) -> "Iterator[Drive]":
                 folder,
                 frames=STREET_FRAMES,
                 images=False,
-                progress=lambda done, total: advance(f"{done} of {total}"),
+                progress=advance,
             )
         yield open_drive(drive)
 

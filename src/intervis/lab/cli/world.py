@@ -1,4 +1,4 @@
-"""``intervis simulate`` and ``intervis demo``: the built-in world."""
+"""``intervis simulate`` and ``intervis demo``: drives through the built-in street."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +9,9 @@ from intervis.cli.run import show_report, show_run
 from intervis.cli.terminal import progress, show
 
 Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Number of frames.")]
-Seed = Annotated[int, typer.Option("--seed", metavar="S", help="The same seed, the same drive.")]
+Seed = Annotated[
+    int, typer.Option("--seed", metavar="S", help="The same seed gives the same drive.")
+]
 
 
 def simulate(
@@ -19,21 +21,21 @@ def simulate(
 ) -> None:
     """Write a simulated drive in KITTI's raw layout.
 
-    With calibration, images, poses, times and the triangles of its world.
+    Includes calibration, images, poses, timestamps and the triangles of its world.
     """
     show(f"Drive: {_simulate(out, frames, seed)}")
 
 
 def demo(
-    out: Annotated[Path, typer.Option("--out", help="Folder for everything.")] = Path(
+    out: Annotated[Path, typer.Option("--out", help="Folder for all output.")] = Path(
         "intervis-demo"
     ),
     frames: Frames = 10,
     seed: Seed = 0,
 ) -> int:
-    """Simulate a drive, analyse it, show it.
+    """Simulate a drive, analyse it and show the results.
 
-    Writes the drive, its results, tables, pictures and a page to open.
+    Writes the drive, the results, tables, pictures and a page to open in a browser.
     """
     from intervis.drives import open_drive
     from intervis.run import run_drive
@@ -57,9 +59,4 @@ def _simulate(out: Path, frames: int, seed: int) -> Path:
     from intervis.lab.worlds import simulate as simulate_drive
 
     with progress("simulation", frames) as advance:
-        return simulate_drive(
-            out,
-            frames=frames,
-            seed=seed,
-            progress=lambda done, total: advance(f"{done} of {total}"),
-        )
+        return simulate_drive(out, frames=frames, seed=seed, progress=advance)

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
-import numpy as np
-
 from intervis.arrays import Float32Array, Float64Array
 from intervis.drives import Drive
 from intervis.errors import DriveError
@@ -16,8 +14,8 @@ from intervis.lab.truth.methods import Method, baseline_methods, engine
 from intervis.lab.truth.pairs import Pairs, checked_poses, default_pairs
 from intervis.lab.truth.protocols import Protocol, checked_protocol, distance_m, input_frames
 from intervis.lab.truth.query_set import QuerySet, QuerySets
-from intervis.lab.truth.rays import caster_of
 from intervis.lab.truth.results import EvaluationResult, run_methods
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.progress import Progress, silent
 from intervis.transform import transform
 
@@ -127,8 +125,7 @@ def evaluate_world(
         methods or methods_for(known, baselines=baselines),
         progress or silent,
     )
-    caster = caster_of(np.empty((0, 3, 3))).name
-    ground_truth = f"exact world, rays by {caster}"
+    ground_truth = "exact world, rays by Embree"
     return EvaluationResult(drive.name, ground_truth, known, labels, target_count, results)
 
 
@@ -222,7 +219,7 @@ def world_query_sets(
         }[protocol]
         nearest = _nearest(allowed, poses, poses[number], number)
         inputs = _input_scans(drive, nearest, poses, scan_of, number, number)
-        yield from exact_query_sets(inputs, caster_of(triangles_at(number)), sampling)
+        yield from exact_query_sets(inputs, RayCaster(triangles_at(number)), sampling)
 
 
 def _input_scans(

@@ -39,7 +39,7 @@ from intervis.arrays import BoolArray, Float64Array, finite_rows
 from intervis.lab.truth.baselines.input_scans import InputScans
 from intervis.lab.truth.observed import Beams, answerable
 from intervis.lab.truth.query_set import QuerySet, QuerySets
-from intervis.lab.truth.rays import SegmentCaster
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import transform
 
 VIEWPOINT_DISC_M, VIEWPOINT_HEIGHT_M = 12.0, (0.5, 3.0)
@@ -81,7 +81,7 @@ class Sampling:
 
 
 def exact_query_sets(
-    inputs: InputScans, caster: SegmentCaster, sampling: Sampling | None = None
+    inputs: InputScans, caster: RayCaster, sampling: Sampling | None = None
 ) -> QuerySets:
     """Query sets for the target frame of ``inputs``, from random viewpoints around its sensor.
 
@@ -89,7 +89,7 @@ def exact_query_sets(
     ----------
     inputs : InputScans
         Holds the scan of the target frame.
-    caster : SegmentCaster
+    caster : RayCaster
         Over the triangles of the world, world frame, at the time of that scan.
     sampling : Sampling
 
@@ -139,7 +139,7 @@ def exact_query_sets(
 def _targets(
     scan: Float64Array,
     pose: Float64Array,
-    caster: SegmentCaster,
+    caster: RayCaster,
     sampling: Sampling,
     rng: np.random.Generator,
 ) -> dict[str, Float64Array]:
@@ -161,7 +161,7 @@ def _targets(
 
 
 def exact_labels(
-    caster: SegmentCaster, viewpoint: Float64Array, targets: Float64Array, is_return: BoolArray
+    caster: RayCaster, viewpoint: Float64Array, targets: Float64Array, is_return: BoolArray
 ) -> tuple[BoolArray, BoolArray]:
     """Which targets (M, 3) are visible and which occluded; both False: no label.
 
@@ -170,8 +170,8 @@ def exact_labels(
     A wall at x = 5, seen from the origin: a return on it, free points in front of it and behind
     it, and a point so near behind it that it has no label.
 
-    >>> from intervis.lab.truth.rays import caster_of
-    >>> wall = caster_of(np.array([[[5.0, -99, -99], [5, 99, -99], [5, 0, 99]]]))
+    >>> from intervis.lab.worlds.ray_casting import RayCaster
+    >>> wall = RayCaster(np.array([[[5.0, -99, -99], [5, 99, -99], [5, 0, 99]]]))
     >>> targets = np.array([[5.02, 0, 0], [4.9, 0, 0], [6, 0, 0], [5.1, 0, 0]])
     >>> exact_labels(wall, np.zeros(3), targets, np.array([True, False, False, False]))
     (array([ True,  True, False, False]), array([False, False,  True, False]))
@@ -202,7 +202,7 @@ def _drawn(
 
 
 def _above_ground(
-    caster: SegmentCaster,
+    caster: RayCaster,
     centre: Float64Array,
     disc_m: float,
     height_m: tuple[float, float],
@@ -223,7 +223,7 @@ def _above_ground(
     return points
 
 
-def in_the_open(caster: SegmentCaster, points: Float64Array) -> BoolArray:
+def in_the_open(caster: RayCaster, points: Float64Array) -> BoolArray:
     """Whether a straight line leads from each point (K, 3) to the sky."""
     directions = _sphere_directions(2 * SKY_DIRECTIONS)
     directions = directions[directions[:, 2] > np.sin(np.radians(3.0))]
@@ -236,7 +236,7 @@ def in_the_open(caster: SegmentCaster, points: Float64Array) -> BoolArray:
     return ~blocked
 
 
-def _has_clearance(caster: SegmentCaster, points: Float64Array) -> BoolArray:
+def _has_clearance(caster: RayCaster, points: Float64Array) -> BoolArray:
     """Whether no surface is within `CLEARANCE_M` of each point (K, 3), in sampled directions."""
     offsets = CLEARANCE_M * _sphere_directions(CLEARANCE_DIRECTIONS)
     start = np.repeat(points, len(offsets), axis=0)

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array
-from intervis.lab.truth.rays import SegmentCaster
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import inverse, transform
 
 STEP_M = 1.0
@@ -34,7 +34,7 @@ class Beams:
 
     Attributes
     ----------
-    caster : SegmentCaster
+    caster : RayCaster
         Over the triangles of the world, world frame.
     pose : (4, 4) float64 array
         world_from_velo of the scan.
@@ -42,13 +42,13 @@ class Beams:
         Elevation of the lowest and the highest beam, sensor frame.
     """
 
-    caster: SegmentCaster
+    caster: RayCaster
     pose: Float64Array
     lowest_rad: float
     highest_rad: float
 
     @classmethod
-    def of_scan(cls, caster: SegmentCaster, pose: Float64Array, scan: Float64Array) -> Self:
+    def of_scan(cls, caster: RayCaster, pose: Float64Array, scan: Float64Array) -> Self:
         """Beams between the lowest and the highest return of a scan (N, 3), sensor frame."""
         if len(scan) == 0:
             return cls(caster, pose, 0.0, 0.0)

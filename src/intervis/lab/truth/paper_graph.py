@@ -16,13 +16,13 @@ from intervis.drives import Drive, Frame
 from intervis.errors import DriveError
 from intervis.lab.truth.exact_world import TOLERANCE_FRACTION, TOLERANCE_M, exact_labels
 from intervis.lab.truth.held_out import held_out_labels
-from intervis.lab.truth.rays import SegmentCaster, caster_of
 from intervis.lab.truth.scores import (
     matthews,
     mean_of_known,
     mean_or_nan,
     number_or_none,
 )
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.method.analysis import Analysis, analyze
 from intervis.settings import Criterion, Settings
 from intervis.transform import inverse, transform
@@ -150,7 +150,7 @@ def graphs_by_exact_world(
         frame = drive[number]
         if frame.pose is None:
             raise DriveError(f"frame {number} of {drive.name} needs a pose.")
-        caster = caster_of(transform(inverse(frame.pose), triangles_at(number)))
+        caster = RayCaster(transform(inverse(frame.pose), triangles_at(number)))
         for settings in _combinations(taus, criteria):
             for name, result in _graphs(drive, frame, settings, later):
                 scores.append(_score_in_world(name, result, caster))
@@ -188,14 +188,14 @@ def _graphs(
             )
 
 
-def _score_in_world(viewpoint: str, result: Analysis, caster: SegmentCaster) -> GraphScore:
+def _score_in_world(viewpoint: str, result: Analysis, caster: RayCaster) -> GraphScore:
     points = result.node_points
     visible, occluded = exact_labels(caster, result.viewpoint, points, np.ones(len(points), bool))
     free = _edges_free(points[result.edges], result.viewpoint, caster)
     return _score(viewpoint, result, visible | occluded, visible, free)
 
 
-def _edges_free(ends: Float64Array, viewpoint: Float64Array, caster: SegmentCaster) -> BoolArray:
+def _edges_free(ends: Float64Array, viewpoint: Float64Array, caster: RayCaster) -> BoolArray:
     """(E,) whether the two ends of each edge, (E, 2, 3), see each other.
 
     Both ends lie on surfaces, within range noise. Surfaces this near to an end are ignored, but

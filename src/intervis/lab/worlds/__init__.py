@@ -1,4 +1,4 @@
-"""Known geometry: shapes, street, ray casting, scanner, renderer, writer of KITTI's raw layout."""
+"""Worlds of known triangles: shapes, street, ray casting, scanner, renderer, simulated drives."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

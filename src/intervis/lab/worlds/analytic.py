@@ -1,8 +1,8 @@
-"""Worlds small enough for pencil and paper: triangles, and who sees whom by a formula.
+"""Small worlds with closed-form visibility: plane, wall, step, box, sphere, valley.
 
-Each holds two things that know nothing of each other: triangles to be scanned, and `visible`, an
-answer worked out from the world's equation. The formula holds for points in free space between
-`lower` and `upper`, and treats a line that merely touches a surface as open.
+Each has triangles to be scanned and, derived independently, a formula for the visibility of two
+points. The formula holds for points in free space between `lower` and `upper`. A line that touches
+a surface counts as visible.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from intervis.arrays import BoolArray, Float64Array
 from intervis.lab.worlds import shapes
-from intervis.lab.worlds.triangles import Material, Soup
+from intervis.lab.worlds.triangles import Material, Triangles
 from intervis.lab.worlds.world import World
 from intervis.transform import rigid
 
@@ -26,22 +26,22 @@ Region = Callable[[Float64Array], BoolArray]
 
 @dataclass(frozen=True, eq=False)
 class AnalyticWorld:
-    """A world with a formula.
+    """A world with closed-form visibility.
 
     Attributes
     ----------
     name : str
         For example ``wall``.
-    soup : Soup
-        Its triangles, metres.
+    surfaces : Triangles
+        World frame, metres.
     lower, upper : (3,) float64 arrays
-        Corners of the space in which the formula holds.
+        Corners of the box in which the formula holds, metres.
     sensor : (3,) float64 array
-        A good place for a scanner.
+        A position for a scanner, metres.
     """
 
     name: str
-    soup: Soup = field(repr=False)
+    surfaces: Triangles = field(repr=False)
     lower: Float64Array
     upper: Float64Array
     sensor: Float64Array
@@ -51,10 +51,10 @@ class AnalyticWorld:
     @property
     def triangles(self) -> Float64Array:
         """(T, 3, 3) corners, metres."""
-        return self.soup.triangles
+        return self.surfaces.corners
 
     def visible(self, first: ArrayLike, second: ArrayLike) -> BoolArray:
-        """(M,) is the line between two points open, by the formula; the points lie in `free`.
+        """Whether (M,) the line between two points is free, for points in `free`.
 
         Parameters
         ----------
@@ -72,23 +72,23 @@ class AnalyticWorld:
         return self._visible(starts, ends)
 
     def free(self, points: ArrayLike) -> BoolArray:
-        """(M,) does a point lie where the formula holds: inside the bounds, outside of bodies."""
+        """Whether (M,) points lie within the bounds and outside of solid bodies."""
         places = np.atleast_2d(np.asarray(points, float))
         inside = ((self.lower <= places) & (places <= self.upper)).all(axis=1)
         return np.asarray(inside & self._free(places))
 
     def world(self) -> World:
-        """The same as a world that a `Scanner` at `sensor` can scan."""
+        """A world of these triangles, with a scanner at `sensor`."""
         pose = rigid(np.eye(3), self.sensor)
-        return World(self.soup, (), lambda time_s: pose)
+        return World(self.surfaces, (), lambda time_s: pose)
 
 
 def _heights_at(starts: Float64Array, ends: Float64Array, x: float) -> Float64Array:
-    """Height of each line where it passes x; infinity where it does not pass strictly over it."""
+    """Height of each line at x; infinity where x is not strictly between its ends."""
     before, after = starts[:, 0] - x, ends[:, 0] - x
     passes = before * after < 0
-    share = before / np.where(passes, before - after, 1.0)
-    height = starts[:, 2] + share * (ends[:, 2] - starts[:, 2])
+    fraction = before / np.where(passes, before - after, 1.0)
+    height = starts[:, 2] + fraction * (ends[:, 2] - starts[:, 2])
     return np.where(passes, height, np.inf)
 
 
@@ -99,21 +99,20 @@ def profile(
     half_width_m: float = 40.0,
     sky_m: float = 15.0,
 ) -> AnalyticWorld:
-    """Ground whose height depends on x alone, a chain of straight pieces.
+    """Ground whose height is a piecewise linear function of x.
 
     Two points above it see each other exactly when their line passes above every corner between
-    them: the ground under a straight piece cannot reach a line that clears both of its ends.
+    them, because a line that is above both ends of a straight piece is above the whole piece.
 
     Parameters
     ----------
     name : str
-        Of the world.
     corners_xz : (n, 2) array
-        Corners of the chain, metres, x not decreasing; two of the same x make a cliff.
+        Corners of the profile, metres, x not decreasing; two with the same x make a cliff.
     sensor : (3,) array
-        A good place for a scanner, metres.
+        A position for a scanner, metres.
     half_width_m, sky_m : float
-        How far the world goes to either side, and above its highest corner.
+        Extent of the world to each side, and above its highest corner.
     """
     chain = np.asarray(corners_xz, dtype=np.float64)
 
@@ -133,23 +132,23 @@ def profile(
     upper = np.array([chain[-1, 0], half_width_m, chain[:, 1].max() + sky_m])
     place = np.asarray(sensor, dtype=np.float64)
     return AnalyticWorld(
-        name, Soup.of(shapes.grid(points), EARTH), lower, upper, place, visible, free
+        name, Triangles.of(shapes.grid(points), EARTH), lower, upper, place, visible, free
     )
 
 
 def plane() -> AnalyticWorld:
-    """Level ground at height 0: above it everybody sees everybody."""
+    """Level ground at height 0: all points above it see each other."""
     return profile("plane", [[-60, 0], [60, 0]], [0.0, 0.0, 1.73])
 
 
 def step(rise_m: float = 2.5) -> AnalyticWorld:
-    """Level ground with a cliff up at x = 8: what lies behind its edge hides."""
+    """Level ground with an upward cliff at x = 8, whose edge occludes the ground behind it."""
     chain: list[tuple[float, float]] = [(-50, 0), (8, 0), (8, rise_m), (50, rise_m)]
     return profile("step", chain, [0.0, 0.0, 1.73])
 
 
 def valley(depth_m: float = 3.0) -> AnalyticWorld:
-    """A sensor on one shoulder, a valley before it, a ridge and another valley behind."""
+    """A sensor in front of a valley, a ridge and a second valley."""
     chain = [(-40, 0), (6, 0), (14, -depth_m), (26, -depth_m), (34, 1), (42, -1), (60, 0.5)]
     return profile("valley", chain, [0.0, 0.0, 1.73])
 
@@ -163,14 +162,14 @@ def wall(height_m: float = 3.0, half_width_m: float = 6.0) -> AnalyticWorld:
     def visible(starts: Float64Array, ends: Float64Array) -> BoolArray:
         before, after = starts[:, 0] - 10.0, ends[:, 0] - 10.0
         passes = before * after < 0
-        share = before / np.where(passes, before - after, 1.0)
-        y = starts[:, 1] + share * (ends[:, 1] - starts[:, 1])
-        z = starts[:, 2] + share * (ends[:, 2] - starts[:, 2])
+        fraction = before / np.where(passes, before - after, 1.0)
+        y = starts[:, 1] + fraction * (ends[:, 1] - starts[:, 1])
+        z = starts[:, 2] + fraction * (ends[:, 2] - starts[:, 2])
         return np.asarray(~(passes & (np.abs(y) < half_width_m) & (z < height_m)))
 
-    soup = Soup.joined([ground.soup, Soup.of(shapes.quad(*corners, *tops), GREY)])
+    surfaces = Triangles.joined([ground.surfaces, Triangles.of(shapes.quad(*corners, *tops), GREY)])
     return AnalyticWorld(
-        "wall", soup, ground.lower, ground.upper, ground.sensor, visible, ground._free
+        "wall", surfaces, ground.lower, ground.upper, ground.sensor, visible, ground._free
     )
 
 
@@ -178,18 +177,18 @@ def box(
     lower_m: tuple[float, float, float] = (8.0, -2.0, 0.0),
     upper_m: tuple[float, float, float] = (12.0, 2.0, 1.5),
 ) -> AnalyticWorld:
-    """A solid box on level ground: hidden is what its three pairs of slabs cut off at once."""
+    """A solid box on level ground; a line is blocked where it is inside all three slabs at once."""
     ground = plane()
     low, high = np.asarray(lower_m), np.asarray(upper_m)
 
     def visible(starts: Float64Array, ends: Float64Array) -> BoolArray:
-        way = ends - starts
+        segment = ends - starts
         with np.errstate(divide="ignore", invalid="ignore"):
-            one, two = (low - starts) / way, (high - starts) / way
-        level = way == 0
+            one, two = (low - starts) / segment, (high - starts) / segment
+        parallel = segment == 0
         within = (low < starts) & (starts < high)
-        enter = np.where(level, np.where(within, -np.inf, np.inf), np.minimum(one, two))
-        leave = np.where(level, np.where(within, np.inf, -np.inf), np.maximum(one, two))
+        enter = np.where(parallel, np.where(within, -np.inf, np.inf), np.minimum(one, two))
+        leave = np.where(parallel, np.where(within, np.inf, -np.inf), np.maximum(one, two))
         first, last = enter.max(axis=1), leave.min(axis=1)
         return np.asarray(~((first < last) & (last > 0) & (first < 1)))
 
@@ -197,8 +196,8 @@ def box(
         inside = ((low < points) & (points < high)).all(axis=1)
         return np.asarray((points[:, 2] >= 0) & ~inside)
 
-    soup = Soup.joined([ground.soup, Soup.of(shapes.box(low, high), GREY)])
-    return AnalyticWorld("box", soup, ground.lower, ground.upper, ground.sensor, visible, free)
+    surfaces = Triangles.joined([ground.surfaces, Triangles.of(shapes.box(low, high), GREY)])
+    return AnalyticWorld("box", surfaces, ground.lower, ground.upper, ground.sensor, visible, free)
 
 
 def sphere(
@@ -206,33 +205,35 @@ def sphere(
     centre_m: tuple[float, float, float] = (10.0, 0.0, 2.5),
     rings: int = 48,
 ) -> AnalyticWorld:
-    """A ball over level ground: hidden is what lies behind its rim.
+    """A sphere above level ground; a line is blocked where its distance to the centre is less.
 
-    The triangles' corners lie on the ball, so that they reach out less than it does, by no more
-    than `sagitta_m`.
+    The corners of the triangles lie on the sphere, so the faces lie inside it by at most
+    `sagitta_m`.
     """
     ground = plane()
     centre = np.asarray(centre_m)
 
     def visible(starts: Float64Array, ends: Float64Array) -> BoolArray:
-        way = ends - starts
-        square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
-        share = np.clip(np.einsum("ij,ij->i", centre - starts, way) / square, 0, 1)
-        nearest = starts + share[:, None] * way
+        segment = ends - starts
+        square = np.maximum(np.einsum("ij,ij->i", segment, segment), 1e-300)
+        fraction = np.clip(np.einsum("ij,ij->i", centre - starts, segment) / square, 0, 1)
+        nearest = starts + fraction[:, None] * segment
         return np.asarray(np.linalg.norm(nearest - centre, axis=1) >= radius_m)
 
     def free(points: Float64Array) -> BoolArray:
         outside = np.linalg.norm(points - centre, axis=1) >= radius_m
         return np.asarray((points[:, 2] >= 0) & outside)
 
-    ball = shapes.ellipsoid([radius_m] * 3, rings, 2 * rings) + centre
-    soup = Soup.joined([ground.soup, Soup.of(ball, GREY)])
-    return AnalyticWorld("sphere", soup, ground.lower, ground.upper, ground.sensor, visible, free)
+    faces = shapes.ellipsoid([radius_m] * 3, rings, 2 * rings) + centre
+    surfaces = Triangles.joined([ground.surfaces, Triangles.of(faces, GREY)])
+    return AnalyticWorld(
+        "sphere", surfaces, ground.lower, ground.upper, ground.sensor, visible, free
+    )
 
 
 def sagitta_m(radius_m: float = 2.0, rings: int = 48) -> float:
-    """How far the faces of `sphere` lie inside the ball at most."""
-    # A face spans pi / rings both ways: its middle is as far in as a cap of half that, twice.
+    """Largest distance of the faces of `sphere` from the sphere, metres."""
+    # A face spans the angle pi / rings in both directions: the sagitta of half that angle, twice.
     return float(radius_m * 2 * (1 - np.cos(np.pi / rings / 2)))
 
 

@@ -1,4 +1,4 @@
-"""The palette: what the street is made of."""
+"""Materials of the street."""
 
 from intervis.lab.worlds.triangles import Material
 

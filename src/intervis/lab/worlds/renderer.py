@@ -1,42 +1,23 @@
-"""A camera's picture of a moment: one ray a pixel, one more to the sun, more along edges."""
-
-from dataclasses import dataclass
-from functools import partial
+"""A camera's picture of a snapshot: flat shading by one sun and the sky, with shadows and haze."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intervis.arrays import Float32Array, Float64Array, IntArray
+from intervis.arrays import Float64Array
 from intervis.camera import Camera
-from intervis.kernels import in_parts
-from intervis.lab.worlds import shading
-from intervis.lab.worlds.world import Moment
+from intervis.lab.worlds.world import Snapshot
 from intervis.transform import inverse
 
-SHADOW_M = 160.0
-EDGE = 0.055
-"""Difference between neighbours, of 1, above which a pixel is sampled again."""
-SPOTS = ((-0.33, 0.21), (0.29, -0.31))
-"""Where in a pixel the further samples lie, pixels from its centre."""
-
-
-@dataclass(frozen=True)
-class Light:
-    """Where the sun stands.
-
-    Attributes
-    ----------
-    sun : three floats
-        Direction towards it, world frame, any length.
-    """
-
-    sun: tuple[float, float, float] = (-0.62, 0.34, 0.72)
-
-    @property
-    def unit(self) -> Float64Array:
-        """(3,) the same of length one."""
-        way = np.asarray(self.sun, dtype=np.float64)
-        return np.asarray(way / np.linalg.norm(way))
+SUN_DIRECTION = (-0.62, 0.34, 0.72)
+"""Direction towards the sun, world frame, any length."""
+SUNLIGHT, SKYLIGHT = np.array([1.9, 1.75, 1.5]), np.array([0.55, 0.6, 0.7])
+"""Linear red, green, blue of white paper that faces the sun, or the sky."""
+HORIZON, ZENITH = np.array([0.80, 0.86, 0.92]), np.array([0.25, 0.45, 0.80])
+HAZE_M = 500.0
+"""Over this distance the haze replaces 63 % of a surface's light."""
+SHADOW_M, SHADOW_START_M = 160.0, 2e-3
+"""Length of shadow rays, and how far above the surface they start."""
+GAMMA = 2.2
 
 
 def pixel_rays(
@@ -47,7 +28,7 @@ def pixel_rays(
     Parameters
     ----------
     camera : Camera
-        Whose pixels have their centres at whole numbers.
+        Pixel centres lie at whole numbers.
     world_from_cam : (4, 4) float64 array
         From the rectified camera frame.
     columns_px, rows_px : (R,) arrays
@@ -61,89 +42,64 @@ def pixel_rays(
     """
     columns, rows = np.asarray(columns_px, float), np.asarray(rows_px, float)
     world_from_pixel = world_from_cam[:3, :3] @ np.linalg.inv(camera.projection[:, :3])
-    ways = columns[:, None] * world_from_pixel[:, 0] + rows[:, None] * world_from_pixel[:, 1]
-    ways += world_from_pixel[:, 2]
-    ways /= np.sqrt(np.einsum("ij,ij->i", ways, ways))[:, None]
+    directions = columns[:, None] * world_from_pixel[:, 0] + rows[:, None] * world_from_pixel[:, 1]
+    directions += world_from_pixel[:, 2]
+    directions /= np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
     centre = world_from_cam[:3, :3] @ camera.centre_cam + world_from_cam[:3, 3]
-    return centre, ways
-
-
-def _seen(
-    moment: Moment, origin: Float64Array, ways: Float64Array, sun: Float64Array
-) -> Float32Array:
-    """Linear colours (R, 3) along rays from one point."""
-    ranges, hits = moment.caster.closest(origin, ways)
-    total = len(ways)
-    starts, asks = np.empty((total, 3)), np.empty(total, np.bool_)
-    looks = (ways, ranges, hits, origin, moment.normals, moment.labels)
-    in_parts(partial(shading.sunward, *looks, sun, starts, asks), total)
-    asked = np.flatnonzero(asks)
-    sunlit = np.zeros(total, np.bool_)
-    from_there = starts[asked]
-    sunlit[asked] = ~moment.caster.blocked(from_there, from_there + SHADOW_M * sun)
-    out = np.empty((total, 3), np.float32)
-    in_parts(partial(shading.shade, *looks, moment.colours, sun, sunlit, out), total)
-    return out
-
-
-def _developed(linear: Float32Array) -> Float32Array:
-    out = np.empty_like(linear)
-    in_parts(partial(shading.developed, linear, out), len(linear))
-    return out
-
-
-def _edges(picture: Float32Array) -> IntArray:
-    """Flat indices of the pixels of an (H, W, 3) picture that differ much from a neighbour."""
-    grey = picture @ np.array([0.3, 0.5, 0.2], np.float32)
-    edge = np.zeros(grey.shape, np.bool_)
-    across = np.abs(np.diff(grey, axis=1)) > EDGE
-    down = np.abs(np.diff(grey, axis=0)) > EDGE
-    edge[:, 1:] |= across
-    edge[:, :-1] |= across
-    edge[1:] |= down
-    edge[:-1] |= down
-    return np.flatnonzero(edge)
+    return centre, directions
 
 
 def render(
-    moment: Moment,
+    snapshot: Snapshot,
     camera: Camera,
     cam_from_velo: Float64Array,
     pose: Float64Array,
-    light: Light | None = None,
+    sun: ArrayLike = SUN_DIRECTION,
 ) -> NDArray[np.uint8]:
-    """The picture that a camera takes of a moment.
+    """The picture that a camera takes of a snapshot.
 
     Parameters
     ----------
-    moment : Moment
-        The world at that time.
-    camera, cam_from_velo : Camera, (4, 4) float64 array
-        The camera, and the way from the sensor to its rectified frame.
+    snapshot : Snapshot
+        The world at the time of the picture.
+    camera : Camera
+    cam_from_velo : (4, 4) float64 array
+        The rectified camera frame from the sensor's.
     pose : (4, 4) float64 array
         world_from_velo.
-    light : Light, optional
-        Another sun.
+    sun : (3,) array
+        Direction towards the sun, world frame, any length.
 
     Returns
     -------
     (H, W, 3) uint8 array
         Red, green, blue.
     """
-    sun = (light or Light()).unit
-    world_from_cam = pose @ inverse(cam_from_velo)
     size = (camera.height_px, camera.width_px)
     rows, columns = (part.ravel().astype(np.float64) for part in np.indices(size))
-    centre, ways = pixel_rays(camera, world_from_cam, columns, rows)
-    picture = _developed(_seen(moment, centre, ways, sun))
-    edge = _edges(picture.reshape(*size, 3))
-    spots = np.asarray(SPOTS)
-    _, ways = pixel_rays(
-        camera,
-        world_from_cam,
-        (columns[edge][:, None] + spots[:, 0]).ravel(),
-        (rows[edge][:, None] + spots[:, 1]).ravel(),
+    towards_sun = np.asarray(sun, float) / np.linalg.norm(sun)
+    centre, directions = pixel_rays(camera, pose @ inverse(cam_from_velo), columns, rows)
+    light = _light(snapshot, centre, directions, towards_sun)
+    picture = np.clip(light, 0, 1) ** (1 / GAMMA) * 255
+    return picture.round().astype(np.uint8).reshape(*size, 3)
+
+
+def _light(
+    snapshot: Snapshot, origin: Float64Array, directions: Float64Array, sun: Float64Array
+) -> Float64Array:
+    """Linear colours (R, 3) that arrive along rays of unit direction from one point."""
+    light: Float64Array = HORIZON + np.clip(2 * directions[:, 2:], 0, 1) * (ZENITH - HORIZON)
+    ranges_m, hits = snapshot.caster.closest(origin, directions)
+    hit = np.flatnonzero(hits >= 0)
+    ranges_m, hits, directions = ranges_m[hit, None], hits[hit], directions[hit]
+    normals = snapshot.normals[hits]
+    normals *= -np.sign(np.einsum("ij,ij->i", normals, directions))[:, None]  # towards the camera
+    starts = origin + ranges_m * directions + SHADOW_START_M * normals
+    sunlit = ~snapshot.caster.blocked(starts, starts + SHADOW_M * sun)
+    direct = np.maximum(normals @ sun, 0) * sunlit
+    surface = snapshot.colours[hits] * (
+        direct[:, None] * SUNLIGHT + (0.75 + 0.25 * normals[:, 2:]) * SKYLIGHT
     )
-    more = _developed(_seen(moment, centre, ways, sun)).reshape(len(edge), len(spots), 3)
-    picture[edge] = (picture[edge] + more.sum(axis=1)) / (1 + len(spots))
-    return (picture.reshape(*size, 3) * 255).round().astype(np.uint8)
+    clear = np.exp(-ranges_m / HAZE_M)
+    light[hit] = clear * surface + (1 - clear) * HORIZON
+    return light

@@ -1,9 +1,11 @@
-"""Plain bodies as (T, 3, 3) triangles, corners anticlockwise seen from outside, metres."""
+"""Simple bodies as (T, 3, 3) triangles in metres, corners anticlockwise seen from outside."""
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
+from intervis.transform import rigid
 
 
 def grid(points: ArrayLike) -> Float64Array:
@@ -12,8 +14,8 @@ def grid(points: ArrayLike) -> Float64Array:
     Parameters
     ----------
     points : (n, m, 3) array
-        Their front looks along (second direction) x (first direction), negated: rows running
-        along x and columns along y face up.
+        The triangles face along (first direction) x (second direction): with rows along x and
+        columns along y they face up.
 
     Returns
     -------
@@ -33,7 +35,7 @@ def grid(points: ArrayLike) -> Float64Array:
 
 
 def quad(a: ArrayLike, b: ArrayLike, c: ArrayLike, d: ArrayLike) -> Float64Array:
-    """(2, 3, 3) a flat piece with its corners in turn, anticlockwise seen from the front."""
+    """(2, 3, 3) a flat quadrilateral, corners anticlockwise seen from the front."""
     corners = np.asarray([a, b, c, d], dtype=np.float64)
     return corners[[[0, 1, 2], [0, 2, 3]]]
 
@@ -59,7 +61,7 @@ def box(lower: ArrayLike, upper: ArrayLike, bottom: bool = True) -> Float64Array
 def tube(
     radii_m: ArrayLike, heights_m: ArrayLike, sides: int = 8, closed: bool = True
 ) -> Float64Array:
-    """A body of revolution about z: rings of `radii_m` at `heights_m`, from below to above.
+    """A body of revolution about z: rings of `radii_m` at `heights_m`, from bottom to top.
 
     Examples
     --------
@@ -67,12 +69,12 @@ def tube(
     (32, 3, 3)
     """
     radii, heights = np.asarray(radii_m, float), np.asarray(heights_m, float)
-    turn = np.linspace(0, 2 * np.pi, sides + 1)
-    turn[-1] = 0.0
+    azimuth_rad = np.linspace(0, 2 * np.pi, sides + 1)
+    azimuth_rad[-1] = 0.0
     rings = np.stack(
         [
-            radii[:, None] * np.cos(turn),
-            radii[:, None] * np.sin(turn),
+            radii[:, None] * np.cos(azimuth_rad),
+            radii[:, None] * np.sin(azimuth_rad),
             np.broadcast_to(heights[:, None], (len(radii), sides + 1)),
         ],
         axis=-1,
@@ -84,30 +86,30 @@ def tube(
 
 
 def fan(rim: ArrayLike) -> Float64Array:
-    """(n, 3, 3) a flat or domed disc: triangles from a rim's mean to its n edges."""
+    """(n, 3, 3) a triangle fan from the mean of a rim to its n edges."""
     corners = np.asarray(rim, dtype=np.float64)
     middle = np.broadcast_to(corners.mean(axis=0), corners.shape)
     return np.stack([middle, corners, np.roll(corners, -1, axis=0)], axis=1)
 
 
 def ellipsoid(radii_m: ArrayLike, rings: int = 6, sides: int = 10) -> Float64Array:
-    """An ellipsoid about the origin; its corners lie on it, its faces a little inside."""
-    tilt = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
-    ball = tube(np.cos(tilt), np.sin(tilt), sides, closed=False)
+    """An ellipsoid about the origin; the corners lie on it, the faces slightly inside."""
+    elevation_rad = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
+    ball = tube(np.cos(elevation_rad), np.sin(elevation_rad), sides, closed=False)
     area = np.linalg.norm(np.cross(ball[:, 1] - ball[:, 0], ball[:, 2] - ball[:, 0]), axis=1)
     stretched: Float64Array = ball[area > 1e-12] * np.asarray(radii_m, float)
     return stretched
 
 
-def swept(profile: ArrayLike, start: ArrayLike, end: ArrayLike) -> Float64Array:
-    """A closed outline carried straight from one end to another, both ends closed.
+def extruded(profile: ArrayLike, start: ArrayLike, end: ArrayLike) -> Float64Array:
+    """A closed outline extruded along a straight line, with both ends closed.
 
     Parameters
     ----------
     profile : (n, 3) array
-        Outline, anticlockwise seen from the side that `start` lies on; star-shaped about its mean.
+        Outline, anticlockwise seen from the side of `start`; star-shaped about its mean.
     start, end : (3,) arrays
-        What is added to it at either end.
+        Translation of the outline at either end.
     """
     outline = np.asarray(profile, dtype=np.float64)
     first, last = outline + np.asarray(start, float), outline + np.asarray(end, float)
@@ -119,10 +121,12 @@ def swept(profile: ArrayLike, start: ArrayLike, end: ArrayLike) -> Float64Array:
 def leaves(
     rng: np.random.Generator, number: int, radii_m: ArrayLike, size_m: float
 ) -> Float64Array:
-    """(number, 3, 3) small triangles of all directions, crowding towards an ellipsoid's skin."""
-    way = rng.normal(size=(number, 3))
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    middle = way * (rng.uniform(0.55, 1.0, (number, 1)) ** (1 / 3)) * np.asarray(radii_m, float)
+    """(number, 3, 3) small triangles of random direction, denser near an ellipsoid's surface."""
+    directions = rng.normal(size=(number, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    middle = (
+        directions * (rng.uniform(0.55, 1.0, (number, 1)) ** (1 / 3)) * np.asarray(radii_m, float)
+    )
     corners = rng.normal(size=(number, 3, 3))
     corners -= corners.mean(axis=1, keepdims=True)
     corners /= np.linalg.norm(corners, axis=2, keepdims=True)
@@ -131,18 +135,17 @@ def leaves(
     return placed
 
 
-def lumpy(rng: np.random.Generator, triangles: Float64Array, share: float) -> Float64Array:
-    """Corners moved in or out from the origin by up to `share`; those that meet stay together."""
+def perturbed(rng: np.random.Generator, triangles: Float64Array, spread: float) -> Float64Array:
+    """Triangles whose corners move radially by a random factor of 1 +- `spread`.
+
+    Equal corners get the same factor.
+    """
     corners = triangles.reshape(-1, 3)
     _, which = np.unique(corners.round(9), axis=0, return_inverse=True)
-    factor = rng.uniform(1 - share, 1 + share, which.max() + 1)[which.ravel()]
+    factor = rng.uniform(1 - spread, 1 + spread, which.max() + 1)[which.ravel()]
     return np.asarray((corners * factor[:, None]).reshape(-1, 3, 3))
 
 
-def upright_rotation(yaw_rad: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Float64Array:
-    """(4, 4) a turn about z by `yaw_rad`, then a shift to `place`."""
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    pose = np.eye(4)
-    pose[:2, :2] = [[cos, -sin], [sin, cos]]
-    pose[:3, 3] = np.asarray(place, float)
-    return pose
+def upright_rotation(yaw_rad: float, position: ArrayLike = (0.0, 0.0, 0.0)) -> Float64Array:
+    """(4, 4) rotation about z by `yaw_rad`, then translation to `position`."""
+    return rigid(Rotation.from_euler("z", yaw_rad).as_matrix(), position)

@@ -1,13 +1,14 @@
-"""A simulated drive: the street, scanned and photographed, written in KITTI's raw layout."""
+"""A simulated drive: scans and images of the street, written in KITTI's raw layout."""
 
+import io
 import json
-from collections.abc import Callable
 from dataclasses import asdict
 from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import intervis
 from intervis.drives.kitti_writer import (
@@ -15,21 +16,22 @@ from intervis.drives.kitti_writer import (
     Layout,
     pose_text,
     scan_bytes,
-    stamp_text,
+    timestamp_text,
 )
-from intervis.errors import OutputError, SettingsError
+from intervis.errors import MissingExtraError, OutputError, SettingsError
 from intervis.files import write_bytes
-from intervis.lab.worlds.png import png_bytes
+from intervis.lab.worlds.ray_casting import require_embreex
 from intervis.lab.worlds.recording import FILE_NAME, PERIOD_S, world_bytes
 from intervis.lab.worlds.renderer import render
 from intervis.lab.worlds.scanner import Scanner
+from intervis.lab.worlds.sensor_rig import SensorRig
 from intervis.lab.worlds.street.layout import build_street
-from intervis.lab.worlds.vehicle import Calibration
 from intervis.lab.worlds.world import World
+from intervis.progress import Progress, silent
 
-STAMP_NAME = "simulation.json"
-EDITION = 1
-"""Goes up whenever the same seed gives another drive: kept files of older editions are not."""
+METADATA_NAME = "simulation.json"
+EDITION = 2
+"""Increased whenever the same seed gives another drive; frames of older editions are replaced."""
 
 
 def simulate(
@@ -37,34 +39,34 @@ def simulate(
     *,
     frames: int = 10,
     seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     scanner: Scanner | None = None,
     images: bool = True,
 ) -> Path:
-    """Drive down the built-in street and write what a car of KITTI's would have brought home.
+    """Simulate a drive through the built-in street and write it in KITTI's raw layout.
 
-    Under `out` come ``2011_09_26/`` with three calibration files and, in
+    Writes under `out` the folder ``2011_09_26/`` with three calibration files and, in
     ``2011_09_26_drive_0001_sync/``, ``velodyne_points`` and ``image_02`` (data and timestamps),
-    ``poses.txt`` (exact world_from_velo, KITTI's odometry format; the first is the identity),
-    ``world.npz`` (the triangles, see `load_world`) and ``simulation.json`` (how it was made).
-    Frame k is the same, to the byte, however many frames are asked for. Called again for the same
-    drive it keeps the frames that are there; for another drive of its own it replaces them; a
-    folder that holds anything else it refuses.
+    ``poses.txt`` (exact world_from_velo in the format of KITTI odometry; the first is the
+    identity), ``world.npz`` (the triangles, see `load_world`) and ``simulation.json`` (version,
+    seed and scanner). The bytes of frame k do not depend on the number of frames. A second call
+    for the same drive keeps the frames that exist; a call for another simulated drive replaces
+    them; a folder with other content is refused.
 
     Parameters
     ----------
     out : path
-        Root folder; made where it does not exist.
+        Root folder; created where it does not exist.
     frames : int
-        How many, at 10 Hz; the street ends after 330-odd.
+        Number of frames, at 10 Hz; the street is about 330 frames long.
     seed : int
-        Which street, traffic and noise, 0 or more.
+        Selects street, traffic and noise; 0 or more.
     progress : callable, optional
-        Called with (frames done, frames in all) after each frame.
+        Called with a note after each frame.
     scanner : Scanner, optional
-        Another LiDAR.
+        Instead of the HDL-64E.
     images : bool
-        False leaves the pictures out.
+        False omits the images.
 
     Returns
     -------
@@ -74,17 +76,22 @@ def simulate(
     Raises
     ------
     SettingsError
-        `frames` is not positive or more than the street is long, or `seed` is negative.
+        `frames` is not positive or exceeds the street, or `seed` is negative.
     OutputError
-        The folder cannot be written, or holds something that `simulate` did not write.
+        The folder cannot be written, or holds files that `simulate` did not write.
+    MissingExtraError
+        The packages of the extra ``lab`` are not installed.
     """
+    require_embreex()  # before anything is written
+    if images:
+        _require_pillow()
     seed, frames = _whole("seed", seed, 0), _whole("frames", frames, 1)
-    world, sensor, calibration = build_street(seed), scanner or Scanner(), Calibration()
+    world, sensor, rig = build_street(seed), scanner or Scanner(), SensorRig()
     most = int(world.last_s / PERIOD_S) + 1
     if frames > most:
         raise SettingsError(f"frames must be at most {most}, where the street ends, got {frames}.")
     layout = Layout(Path(out))
-    stamp = {
+    metadata = {
         "made_by": "intervis simulate",
         "version": intervis.__version__,
         "edition": EDITION,
@@ -92,12 +99,11 @@ def simulate(
         "images": images,
         "scanner": asdict(sensor),
     }
-    _prepare(layout, calibration, stamp, frames)
-    _describe(layout, world, frames, images)
+    _prepare(layout, rig, metadata, frames)
+    _write_sequence_files(layout, world, frames, images)
     for number in range(frames):
-        _write_frame(layout, world, sensor, calibration, seed, number, images)
-        if progress is not None:
-            progress(number + 1, frames)
+        _write_frame(layout, world, sensor, rig, seed, number, images)
+        (progress or silent)(f"frame {number}")
     return layout.drive
 
 
@@ -107,13 +113,13 @@ def _whole(name: str, number: object, least: int) -> int:
     return int(number)
 
 
-def _prepare(layout: Layout, calibration: Calibration, stamp: dict[str, Any], frames: int) -> None:
-    """Calibration and stamp; what an earlier simulation left and this one will not have goes."""
-    text = json.dumps(stamp, indent=1) + "\n"
-    stamp_path = layout.drive / STAMP_NAME
-    files = {layout.date / name: body for name, body in calibration.files(START).items()}
+def _prepare(layout: Layout, rig: SensorRig, metadata: dict[str, Any], frames: int) -> None:
+    """Write calibration and metadata; delete frames of another or longer simulated drive."""
+    text = json.dumps(metadata, indent=1) + "\n"
+    metadata_path = layout.drive / METADATA_NAME
+    files = {layout.date / name: body for name, body in rig.calibration_files(START).items()}
     try:
-        before = stamp_path.read_text() if stamp_path.is_file() else None
+        before = metadata_path.read_text() if metadata_path.is_file() else None
         if before is None:
             _refuse_foreign(layout, files)
         kept = layout.expected(frames) if before == text else set()
@@ -124,37 +130,37 @@ def _prepare(layout: Layout, calibration: Calibration, stamp: dict[str, Any], fr
         raise OutputError(f"cannot use {layout.root}: {error.strerror or error}.") from None
     for path, body in files.items():
         write_bytes(path, body.encode())
-    write_bytes(stamp_path, text.encode())
+    write_bytes(metadata_path, text.encode())
 
 
 def _refuse_foreign(layout: Layout, files: dict[Path, str]) -> None:
-    """Another recording of that day must not be overwritten: KITTI has a drive of this name."""
+    """Raise where the folder holds another recording: KITTI has a drive of this name."""
     foreign = [path for path, body in files.items() if path.is_file() and path.read_text() != body]
     if layout.drive.is_dir() and any(layout.drive.iterdir()):
         foreign.append(layout.drive)
     if foreign:
         raise OutputError(
-            f"{foreign[0]} was not written by `intervis simulate` and is left as it is;"
-            " choose another folder for the output."
+            f"{foreign[0]} was not written by `intervis simulate` and was not changed;"
+            " choose another output folder."
         )
 
 
-def _describe(layout: Layout, world: World, frames: int, images: bool) -> None:
-    """Everything that is known before the first ray: poses, times, triangles."""
+def _write_sequence_files(layout: Layout, world: World, frames: int, images: bool) -> None:
+    """Write triangles, poses and timestamps."""
     poses = np.array([world.vehicle_pose_at(number * PERIOD_S) for number in range(frames)])
-    stamps = stamp_text(frames, PERIOD_S).encode()
+    timestamps = timestamp_text(frames, PERIOD_S).encode()
     write_bytes(layout.drive / FILE_NAME, world_bytes(world, frames))
     write_bytes(layout.drive / "poses.txt", pose_text(poses).encode())
-    write_bytes(layout.drive / "velodyne_points" / "timestamps.txt", stamps)
+    write_bytes(layout.drive / "velodyne_points" / "timestamps.txt", timestamps)
     if images:
-        write_bytes(layout.drive / "image_02" / "timestamps.txt", stamps)
+        write_bytes(layout.drive / "image_02" / "timestamps.txt", timestamps)
 
 
 def _write_frame(
     layout: Layout,
     world: World,
     scanner: Scanner,
-    calibration: Calibration,
+    rig: SensorRig,
     seed: int,
     number: int,
     images: bool,
@@ -163,10 +169,26 @@ def _write_frame(
     if scan.is_file() and (image.is_file() or not images):
         return
     time_s = number * PERIOD_S
-    moment, pose = world.at(time_s), world.vehicle_pose_at(time_s)
+    snapshot, pose = world.at(time_s), world.vehicle_pose_at(time_s)
     rng = np.random.default_rng([seed, number])
-    points, attributes = scanner.scan(moment, pose, rng)
+    points, attributes = scanner.scan(snapshot, pose, rng)
     write_bytes(scan, scan_bytes(points, attributes["intensity"]))
     if images:
-        picture = render(moment, calibration.camera(), calibration.cam_from_velo, pose)
-        write_bytes(image, png_bytes(picture))
+        picture = render(snapshot, rig.camera(), rig.cam_from_velo, pose)
+        write_bytes(image, _png_bytes(picture))
+
+
+def _require_pillow() -> Any:
+    """Pillow's module Image."""
+    try:
+        from PIL import Image
+    except ImportError:
+        raise MissingExtraError("pillow", "lab", "writing the pictures of a drive") from None
+    return Image
+
+
+def _png_bytes(picture: NDArray[np.uint8]) -> bytes:
+    """The bytes of a PNG file of a picture (H, W, 3)."""
+    buffer = io.BytesIO()
+    _require_pillow().fromarray(picture).save(buffer, "PNG", compress_level=4)
+    return buffer.getvalue()

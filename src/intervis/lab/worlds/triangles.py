@@ -1,4 +1,4 @@
-"""Triangles with what they are and how they look, to light and to a laser."""
+"""Triangles with class, colour and reflectance for the laser."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -31,12 +31,12 @@ LABELS: dict[str, int] = {
     "furniture": 17,
     "glass": 18,
 }
-"""Class of a triangle by name; ``glass`` is that of cars, ``window`` that of houses."""
+"""Class of a triangle by name; ``glass`` belongs to cars, ``window`` to houses."""
 
 
 @dataclass(frozen=True)
 class Material:
-    """What a surface is made of.
+    """Class, colour and reflectance of a surface.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Material:
     colour : three floats
         Linear red, green, blue albedo, 0 to 1.
     reflectance : float
-        Share of near-infrared laser light thrown back, 0 to 1; above 1 for retroreflectors.
+        Fraction of near-infrared laser light reflected, 0 to 1; above 1 for retroreflectors.
     """
 
     label: str
@@ -53,108 +53,108 @@ class Material:
     reflectance: float
 
     def tinted(self, factor: float) -> "Material":
-        """The same, lighter or darker to the eye and to the laser."""
+        """The same class with colour and reflectance times a factor."""
         red, green, blue = (min(1.0, max(0.0, part * factor)) for part in self.colour)
         return Material(self.label, (red, green, blue), self.reflectance * factor)
 
 
 @dataclass(frozen=True, eq=False)
-class Soup:
-    """T triangles without connectivity.
+class Triangles:
+    """T triangles without connectivity, each with its class, colour and reflectance.
 
     Attributes
     ----------
-    triangles : (T, 3, 3) float64 array
-        Corners, metres.
+    corners : (T, 3, 3) float64 array
+        Metres.
     labels : (T,) int8 array
         Class, see `LABELS`.
     colours : (T, 3) float32 array
-        Linear albedo.
+        Linear red, green, blue albedo.
     reflectances : (T,) float32 array
-        To the laser.
+        Reflectance for the laser.
 
     Examples
     --------
     >>> grey = Material("road", (0.2, 0.2, 0.2), 0.2)
-    >>> Soup.of(np.zeros((4, 3, 3)), grey).labels
+    >>> Triangles.of(np.zeros((4, 3, 3)), grey).labels
     array([1, 1, 1, 1], dtype=int8)
     """
 
-    triangles: Float64Array = field(repr=False)
+    corners: Float64Array = field(repr=False)
     labels: NDArray[np.int8] = field(repr=False)
     colours: Float32Array = field(repr=False)
     reflectances: Float32Array = field(repr=False)
 
     def __len__(self) -> int:
-        return len(self.triangles)
+        return len(self.corners)
 
     @classmethod
-    def of(cls, triangles: ArrayLike, material: Material) -> "Soup":
-        """Triangles that are all of one material."""
-        corners = np.array(triangles, dtype=np.float64).reshape(-1, 3, 3)
-        total = len(corners)
+    def of(cls, corners: ArrayLike, material: Material) -> "Triangles":
+        """Triangles (T, 3, 3) of one material."""
+        array = np.array(corners, dtype=np.float64).reshape(-1, 3, 3)
+        total = len(array)
         return cls(
-            corners,
+            array,
             np.full(total, LABELS[material.label], np.int8),
             np.tile(np.asarray(material.colour, np.float32), (total, 1)),
             np.full(total, material.reflectance, np.float32),
         )
 
     @classmethod
-    def joined(cls, soups: "Iterable[Soup]") -> "Soup":
-        """All triangles of several soups, in their order.
+    def joined(cls, parts: "Iterable[Triangles]") -> "Triangles":
+        """All triangles of several sets, in their order.
 
         Examples
         --------
-        >>> len(Soup.joined([]))
+        >>> len(Triangles.joined([]))
         0
         """
-        parts = list(soups) or [cls.of(np.empty((0, 3, 3)), Material("none", (0, 0, 0), 0))]
+        every = list(parts) or [cls.of(np.empty((0, 3, 3)), Material("none", (0, 0, 0), 0))]
         fields: list[NDArray[Any]] = [
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("triangles", "labels", "colours", "reflectances")
+            np.concatenate([getattr(part, name) for part in every])
+            for name in ("corners", "labels", "colours", "reflectances")
         ]
         return cls(*fields)
 
-    def part(self, first: int, last: int) -> "Soup":
+    def part(self, first: int, last: int) -> "Triangles":
         """The triangles from `first` up to, not including, `last`."""
-        return Soup(
-            self.triangles[first:last],
+        return Triangles(
+            self.corners[first:last],
             self.labels[first:last],
             self.colours[first:last],
             self.reflectances[first:last],
         )
 
-    def moved(self, pose: Float64Array) -> "Soup":
-        """Carried by a rigid motion."""
-        return self.placed(transform(pose, self.triangles))
-
-    def placed(self, triangles: Float64Array) -> "Soup":
+    def with_corners(self, corners: Float64Array) -> "Triangles":
         """The same surfaces with other corners (T, 3, 3)."""
-        return Soup(triangles, self.labels, self.colours, self.reflectances)
+        return Triangles(corners, self.labels, self.colours, self.reflectances)
 
-    def shifted(self, x_m: float, y_m: float, z_m: float) -> "Soup":
-        """Carried by a shift."""
-        return self.placed(self.triangles + np.array([x_m, y_m, z_m]))
+    def transformed(self, pose: Float64Array) -> "Triangles":
+        """Transformed by a rigid motion (4, 4)."""
+        return self.with_corners(transform(pose, self.corners))
 
-    def scaled(self, factor: float) -> "Soup":
-        """Larger or smaller, about the origin."""
-        return self.placed(self.triangles * factor)
+    def translated(self, x_m: float, y_m: float, z_m: float) -> "Triangles":
+        """Translated by (x, y, z)."""
+        return self.with_corners(self.corners + np.array([x_m, y_m, z_m]))
 
-    def speckled(self, rng: np.random.Generator, spread: float) -> "Soup":
-        """Each triangle a little lighter or darker, by a factor of 1 +- `spread`."""
+    def scaled(self, factor: float) -> "Triangles":
+        """Scaled about the origin."""
+        return self.with_corners(self.corners * factor)
+
+    def speckled(self, rng: np.random.Generator, spread: float) -> "Triangles":
+        """Colour and reflectance of each triangle times a random factor of 1 +- `spread`."""
         factor = rng.uniform(1 - spread, 1 + spread, len(self)).astype(np.float32)
-        return Soup(
-            self.triangles,
+        return Triangles(
+            self.corners,
             self.labels,
             np.clip(self.colours * factor[:, None], 0, 1),
             self.reflectances * factor,
         )
 
-    def stored(self) -> "Soup":
-        """Rounded to numbers that a file holds exactly: corners float32, looks float16."""
-        return Soup(
-            self.triangles.astype(np.float32).astype(np.float64),
+    def rounded(self) -> "Triangles":
+        """Rounded as in a file: corners to float32, colours and reflectances to float16."""
+        return Triangles(
+            self.corners.astype(np.float32).astype(np.float64),
             self.labels,
             self.colours.astype(np.float16).astype(np.float32),
             self.reflectances.astype(np.float16).astype(np.float32),
@@ -163,8 +163,7 @@ class Soup:
     @property
     def normals(self) -> Float64Array:
         """(T, 3) unit normals by the right-hand rule; zero for degenerate triangles."""
-        corners = self.triangles
+        corners = self.corners
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        flat: Float64Array = np.where(lengths > 0, lengths, 1.0)
-        return np.asarray(normals / flat)
+        return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))

@@ -1,4 +1,4 @@
-"""A world: what stands, what moves, and where everything is at a given time."""
+"""A world: static triangles, actors that move, and the pose of everything at a given time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,47 +9,47 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.lab.worlds.ray_casting import RayCaster
-from intervis.lab.worlds.triangles import Soup
+from intervis.lab.worlds.triangles import Triangles
 from intervis.transform import transform
 
 
 @dataclass(frozen=True, eq=False)
-class Mover:
-    """Something that moves as one rigid body.
+class Actor:
+    """A rigid body that moves.
 
     Attributes
     ----------
     name : str
         For example ``car 3``.
-    soup : Soup
-        Its triangles in its own frame.
+    triangles : Triangles
+        In the actor's own frame.
     pose_at : callable
-        world_from_mover (4, 4) at a time in seconds.
+        world_from_actor (4, 4) at a time in seconds.
     """
 
     name: str
-    soup: Soup = field(repr=False)
+    triangles: Triangles = field(repr=False)
     pose_at: Callable[[float], Float64Array] = field(repr=False)
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
-    """A world that stands still at one time.
+class Snapshot:
+    """A world at one time.
 
     Attributes
     ----------
     triangles : (T, 3, 3) float64 array
-        What stands first, then the movers in their order, metres, world frame.
+        Corners, static triangles first, then the actors in their order; metres, world frame.
     labels : (T,) int8 array
         Class, see `intervis.lab.worlds.triangles.LABELS`.
     objects : (T,) int64 array
-        0 for what stands, 1 and up for the movers.
+        0 for static triangles, 1 and up for the actors.
     normals : (T, 3) float64 array
-        Unit normals; their side is not meant.
+        Unit normals; their sign has no meaning.
     colours, reflectances : (T, 3), (T,) float32 arrays
-        Looks, to the eye and to the laser.
+        Linear albedo, and reflectance for the laser.
     caster : RayCaster
-        Casts rays at the triangles, with their indices.
+        Over the triangles, with their indices.
     """
 
     triangles: Float64Array = field(repr=False)
@@ -63,32 +63,31 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Known triangles, some of them moving, and a vehicle that drives among them.
+    """Known triangles, static and moving, and the vehicle that carries the scanner.
 
     Attributes
     ----------
-    static : Soup
-        What stands, world frame, metres.
-    movers : tuple of Mover
-        What moves.
+    static : Triangles
+        World frame, metres.
+    actors : tuple of Actor
     vehicle_pose_at : callable
-        world_from_velo (4, 4) of the scanning vehicle's sensor at a time in seconds.
+        world_from_velo (4, 4) of the vehicle's scanner at a time in seconds.
     last_s : float
-        The vehicle reaches the end of its way then.
+        Time at which the vehicle reaches the end of its route.
     """
 
-    static: Soup = field(repr=False)
-    movers: tuple[Mover, ...]
+    static: Triangles = field(repr=False)
+    actors: tuple[Actor, ...]
     vehicle_pose_at: Callable[[float], Float64Array] = field(repr=False)
     last_s: float = np.inf
 
     @cached_property
-    def _everything(self) -> Soup:
-        return Soup.joined([self.static, *(mover.soup for mover in self.movers)])
+    def _all(self) -> Triangles:
+        return Triangles.joined([self.static, *(actor.triangles for actor in self.actors)])
 
     @cached_property
     def _objects(self) -> IntArray:
-        sizes = [len(self.static), *(len(mover.soup) for mover in self.movers)]
+        sizes = [len(self.static), *(len(actor.triangles) for actor in self.actors)]
         return np.repeat(np.arange(len(sizes)), sizes)
 
     @cached_property
@@ -97,27 +96,29 @@ class World:
 
     @cached_property
     def _static_caster(self) -> RayCaster:
-        return RayCaster(self.static.triangles)
+        return RayCaster(self.static.corners)
 
     def triangles_at(self, time_s: float) -> tuple[Float64Array, NDArray[np.int8], IntArray]:
-        """Triangles (T, 3, 3), labels (T,) and objects (T,) at a time: see `Moment`."""
-        moved = [transform(mover.pose_at(time_s), mover.soup.triangles) for mover in self.movers]
-        triangles = np.concatenate([self.static.triangles, *moved])
-        return triangles, self._everything.labels, self._objects
+        """Triangles (T, 3, 3), labels (T,) and objects (T,) at a time: see `Snapshot`."""
+        moving = [
+            transform(actor.pose_at(time_s), actor.triangles.corners) for actor in self.actors
+        ]
+        triangles = np.concatenate([self.static.corners, *moving])
+        return triangles, self._all.labels, self._objects
 
-    def at(self, time_s: float) -> Moment:
-        """The world as it is at a time, ready to be scanned and looked at."""
+    def at(self, time_s: float) -> Snapshot:
+        """The world at a time, with a ray caster."""
         triangles, labels, objects = self.triangles_at(time_s)
         moving = RayCaster(triangles[len(self.static) :])
-        soup, normals = self._everything, [self._static_normals]
-        for mover in self.movers:
-            normals.append(mover.soup.normals @ mover.pose_at(time_s)[:3, :3].T)
-        return Moment(
+        normals = [self._static_normals]
+        for actor in self.actors:
+            normals.append(actor.triangles.normals @ actor.pose_at(time_s)[:3, :3].T)
+        return Snapshot(
             triangles,
             labels,
             objects,
             np.concatenate(normals),
-            soup.colours,
-            soup.reflectances,
+            self._all.colours,
+            self._all.reflectances,
             RayCaster.joined([self._static_caster, moving]),
         )

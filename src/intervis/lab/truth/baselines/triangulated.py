@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray, finite_rows
 from intervis.lab.truth.baselines.input_scans import InputScans
-from intervis.lab.truth.rays import SegmentCaster, caster_of
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import inverse, transform
 
 SEAM_DEG = 5.0
@@ -66,16 +66,16 @@ class SurfaceCache:
     size: int = 24
     cost_s: float = 0.0
     spent_s: float = 0.0
-    _kept: OrderedDict[tuple[int, float], tuple[FloatArray, SegmentCaster, float]] = field(
+    _kept: OrderedDict[tuple[int, float], tuple[FloatArray, RayCaster, float]] = field(
         default_factory=OrderedDict
     )
 
-    def caster(self, scan: FloatArray, jump_fraction: float) -> SegmentCaster:
+    def caster(self, scan: FloatArray, jump_fraction: float) -> RayCaster:
         """The ray caster of a scan's surface, in the scan's own frame."""
         key = (id(scan), jump_fraction)
         if key not in self._kept:
             start = perf_counter()
-            caster = caster_of(surface(scan, jump_fraction))
+            caster = RayCaster(surface(scan, jump_fraction))
             took = perf_counter() - start
             self.spent_s += took
             # Holds the scan too: as long as it is alive, no other array can have its id.

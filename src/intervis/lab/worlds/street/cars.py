@@ -1,13 +1,13 @@
-"""Cars: a body lofted through cross-sections, glass, lights, wheels."""
+"""Cars: a body lofted through cross-sections, with windows, lights and wheels."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.lab.worlds import materials as of
-from intervis.lab.worlds import shapes
-from intervis.lab.worlds.triangles import Material, Soup
+from intervis.lab.worlds import materials, shapes
+from intervis.lab.worlds.triangles import Material, Triangles
+from intervis.transform import rigid
 
 PAINTS: tuple[tuple[tuple[float, float, float], float], ...] = (
     ((0.55, 0.56, 0.57), 0.45),
@@ -21,7 +21,7 @@ PAINTS: tuple[tuple[tuple[float, float, float], float], ...] = (
     ((0.42, 0.37, 0.27), 0.38),
     ((0.62, 0.26, 0.03), 0.42),
 )
-"""Colour and reflectance to the laser; dark paint throws hardly anything back."""
+"""Colour, and reflectance for the laser; dark paint reflects very little."""
 
 HEADLAMP = Material("car", (0.85, 0.86, 0.82), 0.7)
 TAILLAMP = Material("car", (0.45, 0.015, 0.01), 0.85)
@@ -33,21 +33,23 @@ PAINT, TRIMMED, GLAZED, HEADLIT, TAILLIT = range(5)
 
 @dataclass(frozen=True)
 class Body:
-    """Side view of a car, nose first: stations along x with their heights, metres.
+    """Side profile of a car, front first: stations along x with their heights, metres.
 
     Attributes
     ----------
     width_m : float
-        Of the widest place.
+        Largest width.
     x_m, belt_m, top_m : tuples of n floats
-        Stations from the nose to the tail, height of the lower edge of the side windows, and of
-        the upper outline there (bonnet, roof, boot).
+        Stations from front to rear, height of the lower edge of the side windows, and height of
+        the upper outline (bonnet, roof, boot).
     girth, roof : tuples of n floats
-        Half-width at the belt and at the top, shares of half the car's width.
+        Half width at the belt and at the top, as fractions of half the car's width.
     side_glass, top_glass : tuples of int
-        After which stations the side, or the top (windscreen, rear window), is glass.
+        Stations after which the side, or the top (windscreen, rear window), is glass.
     axles_m : two floats
-        Where the wheels sit.
+        Positions of the axles along x.
+    wheel_m : float
+        Radius of the wheels.
     """
 
     width_m: float
@@ -111,7 +113,7 @@ BODIES = (HATCHBACK, HATCHBACK, SALOON, ESTATE, ESTATE, VAN)
 
 
 def _rings(body: Body) -> Float64Array:
-    """(n, 13, 3) cross-sections, each from the sill on the right over the top to the left."""
+    """(n, 13, 3) cross-sections, each from the right sill over the top to the left sill."""
     half = body.width_m / 2
     belt, top = np.asarray(body.belt_m), np.asarray(body.top_m)
     girth, roof = np.asarray(body.girth) * half, np.asarray(body.roof) * half
@@ -127,81 +129,88 @@ def _rings(body: Body) -> Float64Array:
     return np.stack([along, across, above], axis=-1)
 
 
-def _shell(body: Body, paint: Material) -> Soup:
-    """The body without wheels: every cell between two cross-sections gets its material."""
+def _shell(body: Body, paint: Material) -> Triangles:
+    """The body without wheels; each cell between two cross-sections has one material."""
     rings = _rings(body)
     stations, columns = len(rings) - 1, rings.shape[1] - 1
     cells = shapes.grid(rings).reshape(stations, columns, 2, 3, 3)
     depth = np.minimum(np.arange(columns), columns - 1 - np.arange(columns))
-    looks = np.full((stations, columns), PAINT)
-    looks[:, depth == 0] = TRIMMED
-    looks[np.ix_(np.array(body.side_glass), np.flatnonzero(depth == 3))] = GLAZED
-    looks[np.ix_(np.array(body.top_glass), np.flatnonzero(depth >= 4))] = GLAZED
-    looks[np.ix_(np.array([0, 1]), np.flatnonzero(depth == 2))] = HEADLIT
-    looks[np.ix_(np.array([stations - 1]), np.flatnonzero((depth == 2) | (depth == 3)))] = TAILLIT
-    materials = {
+    cell_materials = np.full((stations, columns), PAINT)
+    cell_materials[:, depth == 0] = TRIMMED
+    cell_materials[np.ix_(np.array(body.side_glass), np.flatnonzero(depth == 3))] = GLAZED
+    cell_materials[np.ix_(np.array(body.top_glass), np.flatnonzero(depth >= 4))] = GLAZED
+    cell_materials[np.ix_(np.array([0, 1]), np.flatnonzero(depth == 2))] = HEADLIT
+    cell_materials[
+        np.ix_(np.array([stations - 1]), np.flatnonzero((depth == 2) | (depth == 3)))
+    ] = TAILLIT
+    material_by_number = {
         PAINT: paint,
         TRIMMED: TRIM,
-        GLAZED: of.GLASS,
+        GLAZED: materials.GLASS,
         HEADLIT: HEADLAMP,
         TAILLIT: TAILLAMP,
     }
-    parts = [Soup.of(cells[looks == look], material) for look, material in materials.items()]
+    parts = [
+        Triangles.of(cells[cell_materials == number], material)
+        for number, material in material_by_number.items()
+    ]
     under = [shapes.fan(rings[0, ::-1]), shapes.fan(rings[-1]), shapes.grid(rings[:, [-1, 0]])]
-    return Soup.joined([*parts, Soup.of(np.concatenate(under), TRIM)])
+    return Triangles.joined([*parts, Triangles.of(np.concatenate(under), TRIM)])
 
 
-def _wheel(radius_m: float) -> Soup:
-    """A wheel about the origin, its axle along y, its outer side towards +y."""
-    to_axle = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+def _wheel(radius_m: float) -> Triangles:
+    """A wheel about the origin, axle along y, outer side towards +y."""
+    to_axle = rigid([[1, 0, 0], [0, 0, 1], [0, -1, 0]], [0.0, 0.0, 0.0])
     tread = shapes.tube([radius_m, radius_m], [-0.2, 0.0], 14, closed=False)
-    turn = np.linspace(0, 2 * np.pi, 14, endpoint=False)
-    circle = np.stack([np.cos(turn), np.sin(turn), np.zeros(14)], axis=1)
+    angle_rad = np.linspace(0, 2 * np.pi, 14, endpoint=False)
+    circle = np.stack([np.cos(angle_rad), np.sin(angle_rad), np.zeros(14)], axis=1)
     tyre = np.concatenate([tread, shapes.fan(circle * radius_m)])
     rim = shapes.fan(circle * (0.62 * radius_m) + [0, 0, 0.006])
-    return Soup.joined([Soup.of(tyre, of.TYRE), Soup.of(rim, RIM)]).moved(to_axle)
+    return Triangles.joined(
+        [Triangles.of(tyre, materials.TYRE), Triangles.of(rim, RIM)]
+    ).transformed(to_axle)
 
 
-def _wheels(body: Body) -> Soup:
-    """Four wheels, each before the dark of its arch."""
+def _wheels(body: Body) -> Triangles:
+    """Four wheels, each in front of a dark wheel arch."""
     half = body.width_m / 2
     wheel = _wheel(body.wheel_m)
-    turn = np.linspace(0, 2 * np.pi, 14, endpoint=False)
-    circle = np.stack([np.cos(turn), np.zeros(14), np.sin(turn)], axis=1)[::-1]
+    angle_rad = np.linspace(0, 2 * np.pi, 14, endpoint=False)
+    circle = np.stack([np.cos(angle_rad), np.zeros(14), np.sin(angle_rad)], axis=1)[::-1]
     parts = []
     for axle in body.axles_m:
         for side in (1, -1):
             place = [axle, side * (half + 0.01), body.wheel_m]
             facing = 0.0 if side > 0 else np.pi
-            parts.append(wheel.moved(shapes.upright_rotation(facing, place)))
-            arch = Soup.of(shapes.fan(circle * (body.wheel_m + 0.07) * [1, side, 1]), TRIM)
-            parts.append(arch.shifted(axle, side * (half + 0.003), body.wheel_m + 0.02))
-    return Soup.joined(parts)
+            parts.append(wheel.transformed(shapes.upright_rotation(facing, place)))
+            arch = Triangles.of(shapes.fan(circle * (body.wheel_m + 0.07) * [1, side, 1]), TRIM)
+            parts.append(arch.translated(axle, side * (half + 0.003), body.wheel_m + 0.02))
+    return Triangles.joined(parts)
 
 
-def _fittings(body: Body, paint: Material) -> Soup:
+def _fittings(body: Body, paint: Material) -> Triangles:
     """Mirrors and number plates."""
     half, base = body.width_m / 2, body.x_m[4] + 0.3
-    mirror = Soup.of(shapes.box([-0.08, -0.08, 0.0], [0.02, 0.08, 0.13]), paint.tinted(0.7))
-    parts = [mirror.shifted(base, side * (half + 0.02), body.belt_m[4]) for side in (1, -1)]
+    mirror = Triangles.of(shapes.box([-0.08, -0.08, 0.0], [0.02, 0.08, 0.13]), paint.tinted(0.7))
+    parts = [mirror.translated(base, side * (half + 0.02), body.belt_m[4]) for side in (1, -1)]
     for x, sign in ((body.x_m[0] + 0.01, 1), (body.x_m[-1] - 0.01, -1)):
         left, right, low, high = -0.26 * sign, 0.26 * sign, 0.38, 0.49
         plate = shapes.quad([x, left, low], [x, right, low], [x, right, high], [x, left, high])
-        parts.append(Soup.of(plate, PLATE))
-    return Soup.joined(parts)
+        parts.append(Triangles.of(plate, PLATE))
+    return Triangles.joined(parts)
 
 
-def car(rng: np.random.Generator, body: Body | None = None) -> Soup:
-    """A car on the ground at the origin, its nose along x.
+def car(rng: np.random.Generator, body: Body | None = None) -> Triangles:
+    """A car on the ground at the origin, front along x.
 
     Parameters
     ----------
     rng : numpy Generator
-        Which car it becomes.
+        Selects body and paint.
     body : Body, optional
-        Instead of one by chance.
+        Instead of a random one.
     """
     chosen = BODIES[int(rng.integers(len(BODIES)))] if body is None else body
     colour, reflectance = PAINTS[int(rng.integers(len(PAINTS)))]
     paint = Material("car", colour, reflectance)
-    return Soup.joined([_shell(chosen, paint), _wheels(chosen), _fittings(chosen, paint)])
+    return Triangles.joined([_shell(chosen, paint), _wheels(chosen), _fittings(chosen, paint)])

@@ -1,35 +1,38 @@
-"""The course of a street: where a distance along it and an offset across it lie in space."""
+"""The centreline of a street: coordinates along and across it as places in space."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
+from intervis.lab.worlds import shapes
+from intervis.transform import rigid
 
 STEP_M = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
-    """A gently winding, gently rising line.
+class Centreline:
+    """A smooth curve with bends and undulations.
 
-    Along it runs `s` in metres, across it `d` (positive to the left), above it `h`.
+    Coordinates in metres: `s` along it, `d` across it (positive to the left), `h` above it.
 
     Parameters
     ----------
     first_m, last_m : float
-        Where the line begins and ends; it passes through the origin at 0, heading along x.
+        Start and end; at 0 the line passes through the origin with heading x.
     bends : tuple of (radians, metres) pairs
-        Swing of the heading and its wavelength.
+        Amplitude of the heading and wavelength.
     waves : tuple of (metres, metres) pairs
-        Height of an undulation and its wavelength.
+        Height of an undulation and wavelength.
     hill : (metres, metres, metres)
-        Rise of the hill at the end, where it begins, and how long it is.
+        Height, start and length of the hill at the end.
 
     Examples
     --------
-    >>> straight = Path(-10.0, 50.0, bends=(), waves=(), hill=(0.0, 0.0, 1.0))
+    >>> straight = Centreline(-10.0, 50.0, bends=(), waves=(), hill=(0.0, 0.0, 1.0))
     >>> straight.points(20.0, 2.0, 1.0).round(6) + 0.0
     array([20.,  2.,  1.])
     """
@@ -42,7 +45,7 @@ class Path:
     _table: Float64Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        # Heading is a formula; the place is its integral, by the midpoint rule on a fixed grid.
+        # The position is the integral of the heading, by the midpoint rule on a fixed grid.
         lowest = int(np.floor(self.first_m / STEP_M)) - 1
         highest = int(np.ceil(self.last_m / STEP_M)) + 1
         grid = np.arange(lowest, highest + 1) * STEP_M
@@ -53,7 +56,7 @@ class Path:
         object.__setattr__(self, "_table", table)
 
     def heading(self, s: ArrayLike) -> Float64Array:
-        """Direction at `s`, radians from x towards y."""
+        """Heading at `s`, radians from x towards y."""
         along = np.asarray(s, dtype=np.float64)
         total = np.zeros_like(along)
         for swing, length in self.bends:
@@ -61,7 +64,7 @@ class Path:
         return total
 
     def height(self, s: ArrayLike) -> Float64Array:
-        """Height of the line at `s`, metres; 0 and level at the origin."""
+        """Height of the line at `s`, metres; 0 with slope 0 at the origin."""
         along = np.asarray(s, dtype=np.float64)
         total = np.zeros_like(along)
         for rise, length in self.waves:
@@ -71,14 +74,14 @@ class Path:
         return total + rise * climb**2 * (3 - 2 * climb)
 
     def slope(self, s: ArrayLike) -> Float64Array:
-        """Rise of the line a metre at `s`."""
+        """Slope of the line at `s`, metres per metre."""
         along = np.asarray(s, dtype=np.float64)
         return (self.height(along + 0.05) - self.height(along - 0.05)) / 0.1
 
     def points(self, s: ArrayLike, d: ArrayLike = 0.0, h: ArrayLike = 0.0) -> Float64Array:
-        """(..., 3) places at `s` along, `d` across (to the left) and `h` above the line.
+        """(..., 3) points at `s` along, `d` across (to the left) and `h` above the line.
 
-        Beyond its ends the line goes straight on.
+        Beyond its ends the line is straight.
         """
         along, across, above = np.broadcast_arrays(*(np.asarray(part, float) for part in (s, d, h)))
         grid, x, y = self._table
@@ -95,26 +98,14 @@ class Path:
         )
 
     def pose(self, s: float, d: float = 0.0, h: float = 0.0, yaw_rad: float = 0.0) -> Float64Array:
-        """(4, 4) frame at a place: x along the line turned by `yaw_rad`, y left, z up its slope."""
-        heading, pitch = float(self.heading(s)) + yaw_rad, np.arctan(float(self.slope(s)))
-        pitch = pitch * np.cos(yaw_rad)
-        cos, sin = np.cos(heading), np.sin(heading)
-        up, out = np.sin(pitch), np.cos(pitch)
-        pose = np.eye(4)
-        pose[:3, 0] = cos * out, sin * out, up
-        pose[:3, 1] = -sin, cos, 0.0
-        pose[:3, 2] = -cos * up, -sin * up, out
-        pose[:3, 3] = self.points(s, d, h)
-        return pose
+        """(4, 4) frame at a point: x along the line and its slope, yawed by `yaw_rad`, y level."""
+        heading_rad = float(self.heading(s)) + yaw_rad
+        pitch_rad = np.arctan(float(self.slope(s))) * np.cos(yaw_rad)
+        rotation = Rotation.from_euler("ZY", [heading_rad, -pitch_rad])
+        return rigid(rotation.as_matrix(), self.points(s, d, h))
 
     def upright(
         self, s: float, d: float = 0.0, h: float = 0.0, yaw_rad: float = 0.0
     ) -> Float64Array:
-        """(4, 4) frame at a place like `pose`, but plumb: for houses, trees and people."""
-        heading = float(self.heading(s)) + yaw_rad
-        cos, sin = np.cos(heading), np.sin(heading)
-        pose = np.eye(4)
-        pose[:3, 0] = cos, sin, 0.0
-        pose[:3, 1] = -sin, cos, 0.0
-        pose[:3, 3] = self.points(s, d, h)
-        return pose
+        """(4, 4) frame at a point like `pose`, but z vertical: for houses, trees and people."""
+        return shapes.upright_rotation(float(self.heading(s)) + yaw_rad, self.points(s, d, h))

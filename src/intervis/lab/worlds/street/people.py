@@ -1,10 +1,12 @@
-"""People, on foot and on a bicycle."""
+"""Pedestrians and cyclists."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
 from intervis.lab.worlds import shapes
-from intervis.lab.worlds.triangles import Material, Soup
+from intervis.lab.worlds.triangles import Material, Triangles
+from intervis.transform import rigid, transform
 
 SKIN = ((0.52, 0.34, 0.25), (0.62, 0.42, 0.32), (0.28, 0.17, 0.11), (0.42, 0.27, 0.18))
 CLOTHES = (
@@ -15,30 +17,30 @@ HAIR = ((0.04, 0.03, 0.02), (0.16, 0.09, 0.04), (0.35, 0.27, 0.14), (0.3, 0.3, 0
 
 
 def _limb(top: Float64Array, foot: Float64Array, thick_m: float, thin_m: float) -> Float64Array:
-    """A tapering tube between two points."""
+    """A tapered tube between two points."""
     way = top - foot
     length = float(np.linalg.norm(way))
     up = way / length
     side = np.cross(up, [0.0, 1.0, 0.0] if abs(up[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([side, np.cross(up, side), up], axis=1)
+    rotation = np.stack([side, np.cross(up, side), up], axis=1)
     tube = shapes.tube([thin_m, thick_m], [0.0, length], 6)
-    turned: Float64Array = tube @ pose[:3, :3].T + foot
-    return turned
+    return transform(rigid(rotation, foot), tube)
 
 
-def person(rng: np.random.Generator, height_m: float | None = None, stride: float = 0.3) -> Soup:
-    """A person on the ground at the origin, looking along x.
+def person(
+    rng: np.random.Generator, height_m: float | None = None, stride: float = 0.3
+) -> Triangles:
+    """A person on the ground at the origin, facing x.
 
     Parameters
     ----------
     rng : numpy Generator
-        Who it becomes.
+        Selects height, clothes, skin and hair.
     height_m : float, optional
-        Instead of one by chance.
+        Instead of a random one.
     stride : float
-        How far the feet stand apart along x, metres.
+        Distance between the feet along x, metres.
     """
     tall = float(rng.uniform(1.58, 1.86)) if height_m is None else height_m
     cloth = [Material("person", CLOTHES[int(k)], 0.38) for k in rng.integers(len(CLOTHES), size=2)]
@@ -60,27 +62,32 @@ def person(rng: np.random.Generator, height_m: float | None = None, stride: floa
         hands.append(shapes.ellipsoid([0.045, 0.03, 0.07], 4, 6) + hand)
     head = np.array([0.02, 0.0, tall - 0.115])
     neck = shapes.tube([0.055, 0.05], [shoulder, tall - 0.2], 6, closed=False)
-    return Soup.joined(
+    return Triangles.joined(
         [
-            Soup.of(np.concatenate(legs), cloth[0]),
-            Soup.of(np.concatenate([torso, *arms]), cloth[1]),
-            Soup.of(np.concatenate([neck, *hands]), skin),
-            Soup.of(shapes.ellipsoid([0.095, 0.078, 0.115], 6, 9) + head, skin),
-            Soup.of(shapes.ellipsoid([0.10, 0.085, 0.10], 6, 9) + head + [-0.025, 0, 0.03], hair),
-            Soup.of(np.concatenate(shoes), Material("person", (0.04, 0.035, 0.03), 0.1)),
+            Triangles.of(np.concatenate(legs), cloth[0]),
+            Triangles.of(np.concatenate([torso, *arms]), cloth[1]),
+            Triangles.of(np.concatenate([neck, *hands]), skin),
+            Triangles.of(shapes.ellipsoid([0.095, 0.078, 0.115], 6, 9) + head, skin),
+            Triangles.of(
+                shapes.ellipsoid([0.10, 0.085, 0.10], 6, 9) + head + [-0.025, 0, 0.03], hair
+            ),
+            Triangles.of(np.concatenate(shoes), Material("person", (0.04, 0.035, 0.03), 0.1)),
         ]
     )
 
 
-def cyclist(rng: np.random.Generator) -> Soup:
-    """Somebody on a bicycle, riding along x, the wheels on the ground at the origin."""
+def cyclist(rng: np.random.Generator) -> Triangles:
+    """A cyclist riding along x, wheels on the ground at the origin."""
     frame = Material("person", CLOTHES[int(rng.integers(len(CLOTHES)))], 0.35)
     black = Material("person", (0.02, 0.02, 0.02), 0.08)
     wheels = []
     for x in (0.52, -0.52):
-        turn = np.linspace(0, 2 * np.pi, 17)
+        angle_rad = np.linspace(0, 2 * np.pi, 17)
         rings = [
-            np.stack([x + r * np.cos(turn), np.full(17, y), 0.34 + r * np.sin(turn)], axis=1)
+            np.stack(
+                [x + r * np.cos(angle_rad), np.full(17, y), 0.34 + r * np.sin(angle_rad)],
+                axis=1,
+            )
             for r, y in ((0.34, 0.0), (0.315, 0.018), (0.295, 0.0), (0.315, -0.018), (0.34, 0.0))
         ]
         wheels.append(shapes.grid(np.stack(rings)))
@@ -93,15 +100,11 @@ def cyclist(rng: np.random.Generator) -> Soup:
     ]
     bars.append(_limb(np.array([0.4, 0.28, 1.0]), np.array([0.4, -0.28, 1.0]), 0.018, 0.018))
     rider = person(rng, 1.76, stride=0.28)
-    lean = np.radians(14.0)
-    pose = np.eye(4)
-    pose[0, 0] = pose[2, 2] = np.cos(lean)
-    pose[0, 2], pose[2, 0] = np.sin(lean), -np.sin(lean)
-    pose[:3, 3] = [-0.32, 0.0, 0.14]
-    return Soup.joined(
+    leaning = Rotation.from_euler("y", 14.0, degrees=True).as_matrix()
+    return Triangles.joined(
         [
-            Soup.of(np.concatenate(wheels), black),
-            Soup.of(np.concatenate(bars), frame),
-            rider.moved(pose),
+            Triangles.of(np.concatenate(wheels), black),
+            Triangles.of(np.concatenate(bars), frame),
+            rider.transformed(rigid(leaning, [-0.32, 0.0, 0.14])),
         ]
     )

@@ -1,10 +1,9 @@
-"""Trees, bushes and hedges: leaves are small triangles, so that beams scatter in them."""
+"""Trees, bushes and hedges, with leaves as small triangles between which beams can pass."""
 
 import numpy as np
 
-from intervis.lab.worlds import materials as of
-from intervis.lab.worlds import shapes
-from intervis.lab.worlds.triangles import Material, Soup
+from intervis.lab.worlds import materials, shapes
+from intervis.lab.worlds.triangles import Material, Triangles
 
 
 def _crown(
@@ -14,30 +13,30 @@ def _crown(
     number: int,
     leaf_m: float = 0.2,
     core: tuple[int, int] = (6, 9),
-) -> Soup:
-    """A clump about the origin: a lumpy core that closes it, `number` leaves around."""
+) -> Triangles:
+    """A clump about the origin: an irregular opaque core with `number` leaves around it."""
     radii = np.asarray(radii_m)
-    body = shapes.lumpy(rng, shapes.ellipsoid(radii * 0.86, *core), 0.16)
+    body = shapes.perturbed(rng, shapes.ellipsoid(radii * 0.86, *core), 0.16)
     cloud = shapes.leaves(rng, number, radii * 1.03, leaf_m)
-    return Soup.joined(
+    return Triangles.joined(
         [
-            Soup.of(body, material.tinted(0.8)).speckled(rng, 0.34),
-            Soup.of(cloud, material).speckled(rng, 0.36),
+            Triangles.of(body, material.tinted(0.8)).speckled(rng, 0.34),
+            Triangles.of(cloud, material).speckled(rng, 0.36),
         ]
     )
 
 
-def tree(rng: np.random.Generator, height_m: float = 8.0, near: bool = True) -> Soup:
-    """A broad-leaved tree with its foot at the origin.
+def tree(rng: np.random.Generator, height_m: float = 8.0, near: bool = True) -> Triangles:
+    """A broad-leaved tree at the origin.
 
     Parameters
     ----------
     rng : numpy Generator
-        Which tree it becomes.
+        Selects shape and colour.
     height_m : float
-        Of its top.
+        Height of the tree.
     near : bool
-        False gives few leaves, for a tree in the distance.
+        False gives few leaves, for distant trees.
     """
     girth = 0.022 * height_m * rng.uniform(0.85, 1.25)
     fork = height_m * rng.uniform(0.3, 0.38)
@@ -52,11 +51,11 @@ def tree(rng: np.random.Generator, height_m: float = 8.0, near: bool = True) -> 
         (rng.uniform(0.07, 0.17), rng.uniform(0.17, 0.26), rng.uniform(0.025, 0.06)),
         rng.uniform(0.4, 0.52),
     )
-    parts = [Soup.of(trunk, of.BARK).speckled(rng, 0.15)]
+    parts = [Triangles.of(trunk, materials.BARK).speckled(rng, 0.15)]
     spread = height_m * rng.uniform(0.24, 0.31)
     clumps = 7 if near else 3
     for clump in range(clumps):
-        turn = 2 * np.pi * (clump + rng.uniform(-0.3, 0.3)) / max(1, clumps - 1)
+        azimuth_rad = 2 * np.pi * (clump + rng.uniform(-0.3, 0.3)) / max(1, clumps - 1)
         top = clump == clumps - 1
         out = 0.0 if top else spread * rng.uniform(0.45, 0.7)
         level = height_m * (0.84 if top else rng.uniform(0.52, 0.7))
@@ -67,36 +66,40 @@ def tree(rng: np.random.Generator, height_m: float = 8.0, near: bool = True) -> 
             if near
             else _crown(rng, leaf, radii, 14, 0.5, core=(5, 7))
         )
-        place = [out * np.cos(turn), out * np.sin(turn), level]
-        parts.append(crown.moved(shapes.upright_rotation(turn, place)))
+        place = [out * np.cos(azimuth_rad), out * np.sin(azimuth_rad), level]
+        parts.append(crown.transformed(shapes.upright_rotation(azimuth_rad, place)))
         if near and not top:
             branch = shapes.quad([0, 0, fork], [0, 0, fork + 0.12], place, place)[:1]
-            parts.append(Soup.of(branch, of.BARK))
-    return Soup.joined(parts)
+            parts.append(Triangles.of(branch, materials.BARK))
+    return Triangles.joined(parts)
 
 
-def conifer(rng: np.random.Generator, height_m: float = 9.0) -> Soup:
-    """A fir with its foot at the origin: tiers of drooping needles."""
-    parts = [Soup.of(shapes.tube([0.16, 0.05], [0.0, height_m * 0.9], 6, closed=False), of.BARK)]
+def conifer(rng: np.random.Generator, height_m: float = 9.0) -> Triangles:
+    """A conifer at the origin: tiers of conical skirts."""
+    parts = [
+        Triangles.of(
+            shapes.tube([0.16, 0.05], [0.0, height_m * 0.9], 6, closed=False), materials.BARK
+        )
+    ]
     green = Material("vegetation", (0.035, rng.uniform(0.09, 0.13), 0.04), 0.36)
     for tier in range(9):
         level = height_m * (0.1 + 0.1 * tier)
         radius = height_m * 0.21 * (1 - tier / 9.5)
         skirt = shapes.tube([radius, 0.02], [level, level + height_m * 0.16], 11, closed=False)
         skirt = skirt + rng.normal(scale=0.09, size=skirt.shape) * [1, 1, 0.6]
-        parts.append(Soup.of(skirt, green).speckled(rng, 0.35))
-    return Soup.joined(parts)
+        parts.append(Triangles.of(skirt, green).speckled(rng, 0.35))
+    return Triangles.joined(parts)
 
 
-def bush(rng: np.random.Generator, size_m: float = 0.8) -> Soup:
+def bush(rng: np.random.Generator, size_m: float = 0.8) -> Triangles:
     """A bush on the ground at the origin."""
-    leaf = of.LEAF.tinted(rng.uniform(0.6, 1.2))
+    leaf = materials.LEAF.tinted(rng.uniform(0.6, 1.2))
     radii = (size_m * rng.uniform(0.8, 1.2), size_m * rng.uniform(0.8, 1.2), size_m * 0.8)
     crown = _crown(rng, leaf, radii, 40, 0.11, core=(5, 8))
-    return crown.moved(shapes.upright_rotation(rng.uniform(0, 6.28), [0, 0, size_m * 0.6]))
+    return crown.transformed(shapes.upright_rotation(rng.uniform(0, 6.28), [0, 0, size_m * 0.6]))
 
 
-def hedge(rng: np.random.Generator, length_m: float, height_m: float, width_m: float) -> Soup:
+def hedge(rng: np.random.Generator, length_m: float, height_m: float, width_m: float) -> Triangles:
     """A clipped hedge along x from the origin, half its width on either side."""
     cells = max(2, int(length_m / 0.45))
     along = np.linspace(0, length_m, cells)
@@ -109,7 +112,11 @@ def hedge(rng: np.random.Generator, length_m: float, height_m: float, width_m: f
     points[:, :, 2] = above
     points[1:-1, 1:-1] += rng.normal(scale=0.045, size=(cells - 2, len(across) - 2, 3))
     ends = [shapes.fan(points[0]), shapes.fan(points[-1, ::-1])]
-    body = Soup.of(np.concatenate([shapes.grid(points), *ends]), of.HEDGE).speckled(rng, 0.3)
+    body = Triangles.of(np.concatenate([shapes.grid(points), *ends]), materials.HEDGE).speckled(
+        rng, 0.3
+    )
     tufts = shapes.leaves(rng, int(length_m * 16), [length_m / 2, half * 1.12, height_m / 2], 0.1)
     tufts += np.array([length_m / 2, 0.0, height_m * 0.54])
-    return Soup.joined([body, Soup.of(tufts, of.HEDGE.tinted(1.35)).speckled(rng, 0.35)])
+    return Triangles.joined(
+        [body, Triangles.of(tufts, materials.HEDGE.tinted(1.35)).speckled(rng, 0.35)]
+    )

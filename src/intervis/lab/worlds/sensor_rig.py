@@ -1,9 +1,10 @@
-"""The simulated vehicle's calibration, as it is written and as it is used."""
+"""The sensors of the simulated vehicle: their extrinsics, the cameras, the calibration files."""
 
 from dataclasses import dataclass, field
 from datetime import datetime
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
@@ -12,20 +13,16 @@ from intervis.transform import rigid
 WIDTH_PX, HEIGHT_PX = 1242, 375
 FOCAL_PX, CX_PX, CY_PX = 721.5377, 609.5593, 172.854
 BASELINES_M = {"00": 0.0, "01": 0.54, "02": -0.06, "03": 0.48}
-"""Where each camera sits to the right of camera 0."""
+"""Distance of each camera to the right of camera 0."""
 
 
-def _turn(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array:
-    cr, sr, cp, sp = np.cos(roll_rad), np.sin(roll_rad), np.cos(pitch_rad), np.sin(pitch_rad)
-    cy, sy = np.cos(yaw_rad), np.sin(yaw_rad)
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x)
+def _rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float64Array:
+    """(3, 3) about x, then about the fixed y, then about the fixed z."""
+    return np.asarray(Rotation.from_euler("xyz", [roll_rad, pitch_rad, yaw_rad]).as_matrix())
 
 
 def _printed(matrix: Float64Array) -> Float64Array:
-    """Rounded to what the files hold, so that readers and renderer use the same numbers."""
+    """Rounded to the digits of the files, so that readers and renderer use the same numbers."""
     return np.array([float(f"{number:.12e}") for number in matrix.ravel()]).reshape(matrix.shape)
 
 
@@ -34,8 +31,8 @@ def _numbers(matrix: Float64Array) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
-    """How the sensors of the simulated vehicle sit to each other.
+class SensorRig:
+    """Extrinsics and cameras of the simulated vehicle.
 
     Attributes
     ----------
@@ -48,21 +45,23 @@ class Calibration:
     cam0_from_velo: Float64Array = field(
         default_factory=lambda: _printed(
             rigid(
-                _turn(0.004, -0.007, 0.003) @ [[0, -1, 0], [0, 0, -1], [1, 0, 0]],
+                _rotation(0.004, -0.007, 0.003) @ [[0, -1, 0], [0, 0, -1], [1, 0, 0]],
                 [-0.004, -0.075, -0.272],
             )
         )
     )
     rectification: Float64Array = field(
-        default_factory=lambda: _printed(_turn(-0.003, 0.006, 0.002))
+        default_factory=lambda: _printed(_rotation(-0.003, 0.006, 0.002))
     )
     velo_from_imu: Float64Array = field(
-        default_factory=lambda: _printed(rigid(_turn(0.012, 0.002, -0.001), [-0.81, 0.32, -0.8]))
+        default_factory=lambda: _printed(
+            rigid(_rotation(0.012, 0.002, -0.001), [-0.81, 0.32, -0.8])
+        )
     )
 
     @property
     def cam_from_velo(self) -> Float64Array:
-        """(4, 4) the rectified camera frame from the sensor's."""
+        """(4, 4) the rectified camera frame from the LiDAR frame."""
         return rigid(self.rectification, [0.0, 0.0, 0.0]) @ self.cam0_from_velo
 
     def camera(self, number: str = "02") -> Camera:
@@ -76,9 +75,9 @@ class Calibration:
         )
         return Camera(_printed(projection), WIDTH_PX, HEIGHT_PX, f"image_{number}")
 
-    def files(self, stamp: datetime) -> dict[str, str]:
-        """The three calibration files of KITTI's raw layout: name and text."""
-        when = f"calib_time: {stamp:%d-%b-%Y %H:%M:%S}\n"
+    def calibration_files(self, time: datetime) -> dict[str, str]:
+        """Names and texts of the three calibration files of KITTI's raw layout."""
+        when = f"calib_time: {time:%d-%b-%Y %H:%M:%S}\n"
         cameras = ""
         for number in BASELINES_M:
             camera = self.camera(number)
