@@ -11,7 +11,7 @@ from intervis.lab.paper.curve import tpi_curve
 
 
 def test_tpi_lost_is_counted_from_the_best_finer_granularity(monkeypatch):
-    monkeypatch.setattr(curve, "LADDER", (2, 7, 20, 60, 150, 180))
+    monkeypatch.setattr(curve, "TAU_CANDIDATES", (2, 7, 20, 60, 150, 180))
     frames = [Frame(k, rough_ground(k, 2000)[:, :3]) for k in range(3)]
     notes = []
     points = tpi_curve(frames, Settings(view="circle"), progress=notes.append)
