@@ -8,6 +8,7 @@ from scipy.optimize import approx_fprime
 
 from intervis.cli import exit_code
 from intervis.lab.calibrate import curves, probability
+from intervis.lab.calibrate.granularity import fit_times
 from intervis.lab.calibrate.line_set import QueryLines, sample_table
 from intervis.lab.calibrate.outcome import Outcome
 from intervis.sight import Scene
@@ -170,6 +171,27 @@ def test_thresholds_are_the_smallest_that_are_right_often_enough():
     assert probability._smallest(candidates, value, without, everything, 0.99) == 0.6
 
 
+def test_times_are_found_again_and_the_budget_covers_nine_in_ten(rng):
+    n_fov, nodes = rng.uniform(5e3, 3e4, 400), rng.uniform(100, 2e4, 400)
+    time_ms = (0.5 + 1e-3 * (0.2 * n_fov + 8.0 * nodes)) * rng.uniform(0.9, 1.1, 400)
+    times = fit_times(n_fov, nodes, time_ms)
+    assert times.return_us == pytest.approx(0.2, rel=0.1)
+    assert times.node_us == pytest.approx(8.0, rel=0.03)
+    predicted = times.frame_ms + 1e-3 * (times.return_us * n_fov + times.node_us * nodes)
+    within = time_ms <= predicted / times.budget_share
+    assert within.mean() == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_plan_without_granularity_is_told_in_a_sentence(tmp_path, capsys):
+    plan = tmp_path / "plan.toml"
+    plan.write_text("inputs = []")
+    asked = ["calibrate", "--data", str(tmp_path), "--out", str(tmp_path), "--plan", str(plan)]
+    assert exit_code([*asked, "--only", "granularity"]) == 2
+    assert "[granularity]" in capsys.readouterr().err
+    assert exit_code([*asked, "--only", "everything"]) == 2
+    assert "one of model, granularity" in capsys.readouterr().err
+
+
 def test_the_outcome_is_read_back_as_the_package_reads_its_own():
     outcome = Outcome({"a": 1.5, "curve": [1.0, -2.25]}, {"inputs": 'drive "x"', "lines": 3})
     content = tomllib.loads(outcome.to_toml("Numbers."))
@@ -194,7 +216,7 @@ def test_the_outcome_is_read_back_as_the_package_reads_its_own():
 def test_a_plan_that_makes_no_sense_is_told_in_a_sentence(tmp_path, capsys, text, words):
     plan = tmp_path / "plan.toml"
     plan.write_text(text)
-    out = tmp_path / "out.toml"
+    out = tmp_path / "out"
     asked = ["calibrate", "--data", str(tmp_path), "--out", str(out), "--plan", str(plan)]
     assert exit_code(asked) == 2
     said = capsys.readouterr().err

@@ -95,7 +95,7 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
     return result
 
 
-def steps_of(plan: Plan) -> int:
+def model_steps(plan: Plan) -> int:
     """How often `calibrate_model` reports progress."""
     used = [given for given in plan.inputs for _ in given.stages]
     return 4 + sum(len(given.protocols) for given in used)

@@ -1,43 +1,68 @@
 """``intervis calibrate``: fit the numbers of the package again."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from intervis.cli import options
 from intervis.cli.terminal import progress, show
+from intervis.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from intervis.lab.calibrate.outcome import Outcome
+
+PARTS = ("model", "granularity")
 
 
 def calibrate(
     data: Annotated[Path, typer.Option("--data", help="Folder of the drives that the plan names.")],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE.toml", help="Where to write them.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the numbers.")],
     plan: Annotated[
         Path | None,
         typer.Option("--plan", metavar="FILE.toml", help="Inputs; the package's own without it."),
     ] = None,
+    only: Annotated[
+        str | None,
+        typer.Option(metavar="model|granularity", help="One part; both without it."),
+    ] = None,
 ) -> None:
-    """Fit the numbers of the occupancy model again, from the inputs of a plan (minutes).
+    """Fit the numbers of the occupancy model and of tau="auto" again (minutes).
 
-    Writes them with their provenance, in the format of the file that the package reads, and
+    Writes them with their provenance, in the format of the files that the package reads, and
     prints the shipped numbers beside the fitted ones.
     """
-    options.check_output_file(out)
+    if only is not None and only not in PARTS:
+        raise SettingsError(f"--only must be one of {', '.join(PARTS)}, got {only!r}.")
 
-    from intervis.files import write_text
-    from intervis.lab.calibrate.fit import calibrate_model, steps_of
-    from intervis.lab.calibrate.outcome import compared
+    from intervis.lab.calibrate.fit import calibrate_model, model_steps
+    from intervis.lab.calibrate.granularity import calibrate_granularity, granularity_steps
     from intervis.lab.calibrate.plan import DEFAULT_PLAN, load_plan
-    from intervis.plots.tables import Table
-    from intervis.sight.occupancy_model import FITTED
+    from intervis.method import granularity
+    from intervis.sight import occupancy_model
 
     chosen = load_plan(plan or DEFAULT_PLAN)
-    with progress("calibration", steps_of(chosen)) as advance:
-        outcome = calibrate_model(chosen, data, progress=advance)
-    heading = "The fitted numbers of intervis.sight.occupancy_model."
-    write_text(out, outcome.to_toml(heading))
-    rows = compared(FITTED, outcome.numbers)
-    show(Table("Occupancy model", ("number", "shipped", "fitted"), rows).as_text())
-    for name in ("loss_curves_shipped", "loss_curves", "loss_probability"):
-        show(f"{name}: {outcome.provenance[name]:.4f}")
-    show(f"Numbers: {out}")
+    if only != "granularity":
+        with progress("occupancy model", model_steps(chosen)) as advance:
+            outcome = calibrate_model(chosen, data, progress=advance)
+        _write(
+            out / "occupancy_model.toml", outcome, occupancy_model.FITTED, "sight.occupancy_model"
+        )
+        for name in ("loss_curves_shipped", "loss_curves", "loss_probability"):
+            show(f"{name}: {outcome.provenance[name]:.4f}")
+    if only == "granularity" or (only is None and chosen.granularity is not None):
+        with progress("granularity", granularity_steps(chosen)) as advance:
+            outcome = calibrate_granularity(chosen, data, progress=advance)
+        _write(out / "granularity.toml", outcome, granularity.FITTED, "method.granularity")
+
+
+def _write(path: Path, outcome: "Outcome", shipped: "Mapping[str, Any]", module: str) -> None:
+    from intervis.files import write_bytes
+    from intervis.lab.calibrate.outcome import compared
+    from intervis.plots.tables import Table
+
+    write_bytes(path, outcome.to_toml(f"The fitted numbers of intervis.{module}.").encode())
+    rows = compared(shipped, outcome.numbers)
+    show(Table(f"intervis.{module}", ("number", "shipped", "fitted"), rows).as_text())
+    show(f"Numbers: {path}")
