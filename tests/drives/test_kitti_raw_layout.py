@@ -404,6 +404,7 @@ def test_timestamps_as_many_as_scans_and_blank_lines(tmp_path):
     )
     drive = open_drive(root)
     assert drive[4].timestamp_ns is None
+    assert drive[4].timestamp_s is None
     assert drive[6].timestamp_ns == 1_317_042_145_967_790_592
     path.write_text("2011-09-26 13:02:25\n" * 3)
     with pytest.raises(CalibrationError, match=r"timestamps\.txt has 3 lines"):
@@ -445,3 +446,9 @@ def test_a_drive_of_any_length_takes_the_memory_of_a_few_frames(tmp_path):
     finally:
         tracemalloc.stop()
     assert peak_bytes < 2_500_000
+
+
+def test_seconds_are_the_nanoseconds():
+    points = np.zeros((1, 3), np.float32)
+    assert Frame(0, points, timestamp_ns=1_500_000_000).timestamp_s == 1.5
+    assert Frame(0, points).timestamp_s is None

@@ -55,6 +55,11 @@ class Frame:
     image_path: Path | None = None
     scan_path: Path | None = None
 
+    @property
+    def timestamp_s(self) -> float | None:
+        """Time of the scan, seconds; None without a timestamp, as `intervis.Scene.add` takes it."""
+        return None if self.timestamp_ns is None else 1e-9 * self.timestamp_ns
+
     def __repr__(self) -> str:
         known = [f"{len(self.points):,} points"]
         if self.camera is not None:
