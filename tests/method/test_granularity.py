@@ -115,3 +115,13 @@ def test_the_tolerance_is_kept_in_the_mean_of_real_frames(shared_data, tolerance
 
         lost.append(max(map(tpi, (4, 6, 8, 10))) - tpi("auto"))
     assert np.mean(lost) <= tolerance
+
+
+def test_hysteresis_uses_the_speed_factor_it_is_given():
+    """On a machine ten times as slow the same budget allows fewer nodes."""
+    settings = Settings(tau="auto", tpi_tolerance=20.0, time_budget_ms=40.0)
+    fast, slow = (
+        TauHysteresis(settings).choose(20_000, speed_factor=factor) for factor in (0.2, 10.0)
+    )
+    assert fast < slow
+    assert fast == choose_tau(int(20_000 / 1.15), settings, speed_factor=0.2)

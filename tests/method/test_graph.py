@@ -95,3 +95,8 @@ def test_the_fiedler_cut_looks_at_the_largest_part_only():
     side = fiedler_side(adjacency(edges, weights, 11))  # node 0 alone, 9 and 10 a pair
     assert side.tolist() == [False] * 5 + [True] * 4 + [False] * 2
     assert not fiedler_side(adjacency(np.empty((0, 2), int), np.empty(0), 3)).any()
+
+
+def test_the_fiedler_cut_of_two_nodes_separates_them():
+    side = fiedler_side(adjacency(np.array([[0, 1]]), np.ones(1), 2))
+    assert side.tolist() == [False, True]

@@ -69,6 +69,7 @@ def test_edges_are_the_sides_of_the_triangles_each_once(n, seed):
     sides = {tuple(sorted((int(t[k]), int(t[k - 1])))) for t in mesh.triangles for k in range(3)}
     assert [tuple(e) for e in mesh.edges.tolist()] == sorted(sides)
     assert unique_edges(np.empty((0, 3), np.int64), 5).shape == (0, 2)
+    assert unique_edges(np.empty((0, 3), np.int64), 0).shape == (0, 2)
 
 
 def test_copies_of_a_position_do_not_break_the_mesh(rng):

@@ -31,6 +31,10 @@ def test_pseudo_azimuth_follows_the_azimuth_to_a_tenth_of_a_degree(azimuth, rang
     assert abs(off_deg) < 0.11
 
 
+def test_pseudo_azimuth_of_the_sensor_itself_is_a_number():
+    assert pseudo_azimuth(0.0, 0.0) == 0.0
+
+
 def test_pseudo_azimuth_never_falls():
     azimuth = np.linspace(0.0, 2 * np.pi, 20_001)[:-1]
     units = np.array(
