@@ -15,6 +15,7 @@ from intervis.lab.calibrate.plan import STREET, Input, Plan, Stage, opened
 from intervis.lab.truth.evaluation import held_out_query_sets, world_query_sets
 from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.worlds import load_world
+from intervis.lab.worlds.ray_casting import require_embreex
 from intervis.progress import Progress, silent
 from intervis.sight import occupancy_model as model
 from intervis.sight.answers import sum_lines
@@ -43,6 +44,8 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
     ------
     SettingsError
         No input of the plan is used for one of the stages.
+    MissingExtraError
+        The plan names a built-in street and embreex is not installed.
     DriveError
         A drive cannot be opened, or lacks frames, poses or a reference for a pair.
     """
@@ -110,6 +113,8 @@ def _check_stages(plan: Plan) -> None:
             raise SettingsError(
                 f"the stage 'thresholds' needs an exact world (street:SEED), got {given.drive!r}."
             )
+        if given.drive.startswith(STREET):
+            require_embreex()  # before minutes of work, not after them
 
 
 def _used(plan: Plan, stage: Stage) -> str:
