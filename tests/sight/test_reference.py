@@ -6,8 +6,14 @@ from made_scans import street_scan, turned
 
 from intervis.drives import open_drive
 from intervis.sight import Scene
+from intervis.sight import occupancy_model as model
 from intervis.sight.answers import sum_lines
-from intervis.sight.reference import reference_result
+from intervis.sight.reference import (
+    _chosen_scans,
+    attenuation_per_m,
+    reference_result,
+    reference_samples,
+)
 from intervis.transform import transform
 
 
@@ -16,6 +22,7 @@ def scene() -> Scene:
     scene = Scene(sensor="HDL-64E")
     for number in range(8):
         pose = turned(0.05 * number, 1.3 * number, 0.1 * number)
+        pose[2, 3] = 0.15 * (number % 3)  # the road is not flat
         scene.add(street_scan(pose, seed=number), pose, 0.1 * number)
     return scene
 
@@ -24,13 +31,14 @@ def random_lines(rng: np.random.Generator, count: int):
     """Lines of every kind: all octants, grazing the ground, radial, far away, of no length."""
     a = rng.normal(0.0, 1.0, (count, 3)) * [12.0, 12.0, 1.5]
     b = rng.normal(0.0, 1.0, (count, 3)) * [25.0, 25.0, 2.5]
-    kind = rng.integers(0, 8, count)
+    kind = rng.integers(0, 9, count)
     a[kind == 0] = 0.0  # from the first sensor
     a[kind == 1, 2] = b[kind == 1, 2] = -1.72  # along the ground
     b[kind == 2] = a[kind == 2] * 3.0  # radial
     b[kind == 3, 2] += 40.0  # up into the sky
     b[kind == 4] *= 30.0  # beyond every range
     b[kind == 5] = a[kind == 5]  # the target is the viewpoint
+    b[kind == 8] = a[kind == 8] * [1.0, -1.0, 1.0]  # both ends equally far from the first sensor
     b[kind == 6] = a[kind == 6] + rng.normal(0, 0.3, (int((kind == 6).sum()), 3))
     return a, b
 
@@ -78,6 +86,46 @@ def test_one_scans_answers_are_the_references(rng):
     assert sight.state.tolist() == [result.state for result in results]
     probability = [result.probability for result in results]
     np.testing.assert_allclose(sight.probability, probability, rtol=0, atol=1e-12)
+
+
+def expected_occluder(scans, a, b):
+    """Sample at a surface with the highest attenuation, and the rank of the scan that shows it."""
+    line = reference_samples(scans, a, b)
+    attenuation = np.where(line.at_surface, attenuation_per_m(line), 0.0)
+    if not len(attenuation) or attenuation.max() == 0.0:
+        return None
+    worst = np.flatnonzero(attenuation == attenuation.max())
+    m = int(worst[np.argmax(line.height[worst])])
+    depth = line.depth[:, m]
+    with np.errstate(invalid="ignore"):
+        near = np.where(line.known[:, m] & (depth >= model.SURFACE_FROM_M), np.abs(depth), np.inf)
+    return m, near, bool(line.occupied[m]), float(attenuation.max())
+
+
+@pytest.mark.parametrize("moment_s", [None, 0.33])
+def test_the_occluding_sample_and_its_scan_are_the_references(scene, rng, moment_s):
+    scans = scene._packed(moment_s)
+    a, b = random_lines(rng, 2000)
+    sums = sum_lines(scans, a, b)
+    checked = dynamic = 0
+    for i in range(len(a)):
+        expected = expected_occluder(scans, a[i], b[i])
+        if expected is None:
+            assert sums.occluder_scan[i] == -1
+            continue
+        m, near, occupied, _ = expected
+        line = reference_samples(scans, a[i], b[i])
+        length = np.linalg.norm(b[i] - a[i])
+        first = min(int(np.floor(0.4 / line.step + 0.5)), (round(length / line.step) + 1) // 2)
+        assert sums.occluder_m[i] == pytest.approx((m + first + 0.5) * line.step, abs=1e-6)
+        chosen = _chosen_scans(scans, *sorted((a[i], b[i]), key=tuple))
+        rank = int(np.argmin(near))
+        if occupied and near[rank] > model.SURFACE_TO_M:
+            dynamic += 1  # the object of the rule: one of the two bracketing scans shows it
+            continue
+        assert sums.occluder_scan[i] == chosen[rank]
+        checked += 1
+    assert checked > 200, "most lines must meet something"
 
 
 def test_engine_agrees_between_returns(scene, rng):

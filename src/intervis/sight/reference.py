@@ -128,6 +128,23 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
 def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> ReferenceResult:
     """The result for the line between two finite points of the scene, (3,) each."""
     line = reference_samples(scans, a, b)
+    optical_depth = line.step * attenuation_per_m(line)
+    in_free, unobserved = line.free & ~line.at_surface, ~line.free & ~line.at_surface
+    length_m = float(np.linalg.norm(np.asarray(b, np.float64) - np.asarray(a, np.float64)))
+    return ReferenceResult(
+        float(optical_depth[in_free].sum()),
+        float(optical_depth[line.at_surface].sum()),
+        float(optical_depth[unobserved].sum()),
+        float(line.step * np.count_nonzero(unobserved)),
+        float(line.step * np.count_nonzero(unobserved & line.behind)),
+        max(length_m - 2.0 * model.END_MARGIN_M, 0.0),
+        time_gap_s(scans, a, b),
+        len(scans.position),
+    )
+
+
+def attenuation_per_m(line: LineSamples) -> Float64Array:
+    """Optical depth per metre of the samples of a line."""
     volumetric_table, surface_table = np.split(MODEL.tables.depth_log_odds[:-1], 2)
     log_odds = np.zeros(len(line.height))
     for k, weight in enumerate(line.weights):
@@ -147,20 +164,8 @@ def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> Re
     occupancy = _read(
         MODEL.tables.occupancies, log_odds, model.LOG_ODDS_FROM, model.ENTRIES_PER_LOG_ODDS
     )
-    optical_depth = line.step * np.where(
+    return np.where(
         line.below_ground, model.BELOW_GROUND_ATTENUATION_PER_M, model.ATTENUATION_PER_M * occupancy
-    )
-    in_free, unobserved = line.free & ~line.at_surface, ~line.free & ~line.at_surface
-    length_m = float(np.linalg.norm(np.asarray(b, np.float64) - np.asarray(a, np.float64)))
-    return ReferenceResult(
-        float(optical_depth[in_free].sum()),
-        float(optical_depth[line.at_surface].sum()),
-        float(optical_depth[unobserved].sum()),
-        float(line.step * np.count_nonzero(unobserved)),
-        float(line.step * np.count_nonzero(unobserved & line.behind)),
-        max(length_m - 2.0 * model.END_MARGIN_M, 0.0),
-        time_gap_s(scans, a, b),
-        len(scans.position),
     )
 
 
