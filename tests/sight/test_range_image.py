@@ -55,6 +55,19 @@ def test_a_plane_is_carried_on_exactly_between_the_beams():
     assert rho == pytest.approx(np.broadcast_to((GROUND_M / slope[rows]), rho.shape), 1e-3)
 
 
+def test_a_range_image_reaches_two_of_its_widest_spacings_beyond_its_beams():
+    """Beams 2 degrees apart below, 0.3 degrees apart above."""
+    elevation_deg = np.concatenate([np.arange(-20.0, -4.0, 2.0), np.arange(-4.0, 4.0, 0.3)])
+    e, a = np.meshgrid(np.radians(elevation_deg), np.radians(np.arange(0, 360, 0.2)))
+    rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], -1).reshape(-1, 3)
+    image = range_image_of(15.0 * rays, HDL_64E)
+    tangent = np.tan(np.radians(elevation_deg))
+    widest = np.diff(tangent).max()
+    _, rows = at_pixels(image)
+    assert rows[0] < tangent[0] - 1.5 * widest
+    assert rows[-1] > tangent[-1] + 1.5 * widest
+
+
 def test_directions_without_a_return_hold_nothing():
     image = range_image_of(street_scan(boxes=NOTHING), HDL_64E)
     _, slope = at_pixels(image)

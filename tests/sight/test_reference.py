@@ -128,6 +128,14 @@ def test_the_occluding_sample_and_its_scan_are_the_references(scene, rng, moment
     assert checked > 200, "most lines must meet something"
 
 
+def test_engine_agrees_at_the_seam_of_the_range_image(rng):
+    """Azimuth 0 and a full turn meet on the x axis."""
+    alone = Scene.from_scan(street_scan(turned(0.0, 0.0, 0.0), seed=3))
+    x, z = rng.uniform(1.0, 40.0, (2, 200)), rng.uniform(-2.0, 1.0, (2, 200))
+    y = np.tile(rng.choice([-1e-18, 0.0, -1e-300, 1e-18], 200), (2, 1))
+    compare(alone, *np.stack([x, y, z], axis=-1))
+
+
 def test_engine_agrees_between_returns(scene, rng):
     """Ends on surfaces, through gaps, behind things: lines between returns of two scans."""
     first = street_scan(turned(0.0, 0.0, 0.0), seed=0)
