@@ -12,6 +12,7 @@ from drive_layouts import (
     VELO_TO_CAM,
     pose_line,
     scan_rows,
+    write_kitti_odometry,
     write_kitti_raw,
     write_scan,
     write_text,
@@ -222,3 +223,31 @@ def test_the_default_viewpoint_is_the_cameras_centre_or_the_sensor(tmp_path):
     assert np.allclose(open_drive(root, camera="3")[0].viewpoint_velo, [0.27, 0, -0.08 - 0.5])
     write_scan(tmp_path / "0.bin", 0)
     assert open_drive(tmp_path / "0.bin")[0].viewpoint_velo.tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize("name", ["calib.txt", "poses.txt", "times.txt"])
+def test_the_fingerprint_of_a_sequence_sees_each_of_its_text_files(tmp_path, name):
+    root = write_kitti_odometry(tmp_path)
+    write_text(root / "poses.txt", f"{pose_line(0)}\n{pose_line(1)}\n")
+    write_text(root / "times.txt", "0.0\n0.1\n")
+    before = open_drive(root).fingerprint()["digest"]
+    text = (root / name).read_text()
+    changed = {"calib.txt": text + "\n", "poses.txt": f"{pose_line(0)}\n{pose_line(2)}\n"}
+    write_text(root / name, changed.get(name, "0.0\n0.2\n"))
+    assert open_drive(root).fingerprint()["digest"] != before
+
+
+def test_a_folder_with_half_a_calibration_is_told_in_a_sentence(tmp_path):
+    write_scan(tmp_path / "1.bin", 1)
+    write_text(tmp_path / "calib_cam_to_cam.txt", CAM_TO_CAM)
+    with pytest.raises(CalibrationError, match=r"calib_velo_to_cam\.txt is missing"):
+        open_drive(tmp_path)
+
+
+def test_a_folder_with_a_calibration_names_its_camera(tmp_path):
+    write_scan(tmp_path / "1.bin", 1)
+    write_text(tmp_path / "calib_cam_to_cam.txt", CAM_TO_CAM)
+    write_text(tmp_path / "calib_velo_to_cam.txt", VELO_TO_CAM)
+    drive = open_drive(tmp_path)
+    assert drive.camera_name in drive.camera_names
+    assert drive.fingerprint()["camera"] == drive.camera_name

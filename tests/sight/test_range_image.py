@@ -122,6 +122,12 @@ def test_a_sensor_is_derived_from_its_scan(name):
     assert derived.azimuth_step_deg == pytest.approx(sensor.azimuth_step_deg, rel=0.6)
 
 
+@pytest.mark.parametrize(("span_deg", "known"), [(0.6, True), (0.4, False)])
+def test_a_sensor_needs_half_a_degree_of_elevation(span_deg, known):
+    rays = directions(-span_deg / 2, span_deg / 2, 3, 0.2)
+    assert (sensor_of_scan(12.0 * rays) != GENERIC) == known
+
+
 def test_a_scan_of_few_returns_is_of_a_generic_sensor():
     assert sensor_of_scan(np.ones((3, 3))) == GENERIC
 
