@@ -11,6 +11,7 @@ from intervis.lab.calibrate import curves, probability
 from intervis.lab.calibrate.granularity import fit_times
 from intervis.lab.calibrate.line_set import QueryLines, sample_table
 from intervis.lab.calibrate.outcome import Outcome
+from intervis.lab.calibrate.plan import fingerprints
 from intervis.sight import Scene
 from intervis.sight import occupancy_model as model
 from intervis.sight.answers import sum_lines
@@ -190,6 +191,16 @@ def test_a_plan_without_granularity_is_told_in_a_sentence(tmp_path, capsys):
     assert "[granularity]" in capsys.readouterr().err
     assert exit_code([*asked, "--only", "everything"]) == 2
     assert "one of model, granularity" in capsys.readouterr().err
+
+
+def test_provenance_identifies_drives_by_their_content(tmp_path):
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        np.zeros((3, 4), np.float32).tofile(tmp_path / name / "0.bin")
+    text = fingerprints(["two", "one", "street:1", "one"], tmp_path)
+    assert [part.split()[0] for part in text.split("; ")] == ["one", "two"]
+    np.ones((3, 4), np.float32).tofile(tmp_path / "one" / "0.bin")
+    assert fingerprints(["two", "one"], tmp_path) != text
 
 
 def test_the_outcome_is_read_back_as_the_package_reads_its_own():

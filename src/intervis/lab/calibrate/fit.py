@@ -11,7 +11,7 @@ from intervis.errors import SettingsError
 from intervis.lab.calibrate import curves, probability
 from intervis.lab.calibrate.line_set import QueryLines, SampleTable, query_lines, sample_table
 from intervis.lab.calibrate.outcome import Outcome, versions
-from intervis.lab.calibrate.plan import STREET, Input, Plan, Stage, opened
+from intervis.lab.calibrate.plan import STREET, Input, Plan, Stage, fingerprints, opened
 from intervis.lab.truth.evaluation import held_out_query_sets, world_query_sets
 from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.worlds import load_world
@@ -89,6 +89,7 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
         weights=_used(plan, "weights"),
         probability=_used(plan, "probability"),
         thresholds=_used(plan, "thresholds"),
+        drives=fingerprints((given.drive for given in plan.inputs), data),
         lines_per_pair=plan.lines_per_pair,
         seed=plan.seed,
         loss_curves=fitted.loss,

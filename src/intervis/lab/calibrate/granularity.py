@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 from intervis.arrays import Float64Array
 from intervis.errors import SettingsError
 from intervis.lab.calibrate.outcome import Outcome, versions
-from intervis.lab.calibrate.plan import Plan, opened
+from intervis.lab.calibrate.plan import Plan, fingerprints, opened
 from intervis.lab.paper.curve import COARSEST, tpi_curve
 from intervis.lab.paper.experiment import camera_arguments, usable
 from intervis.lab.paper.interpretations import spread_frames
@@ -92,6 +92,7 @@ def calibrate_granularity(plan: Plan, data: Path, *, progress: Progress | None =
         versions=versions(),
         tpi_lost=f"mean over {len(frames)} frames: {', '.join(plan.granularity.drives)}",
         times="the same frames, camera view and 90 degrees ahead",
+        drives=fingerprints(plan.granularity.drives, data),
     )
     outcome.numbers.update(
         nodes=nodes,

@@ -2,7 +2,7 @@
 
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -89,6 +89,13 @@ def load_plan(path: Path) -> Plan:
     for given in plan.inputs:
         _ = given.frame_pairs  # raises for a list of pairs that does not parse
     return plan
+
+
+def fingerprints(names: Iterable[str], data: Path) -> str:
+    """The digests of the drives among some inputs; a built-in street is identified by its seed."""
+    drives = sorted({name for name in names if not name.startswith(STREET)})
+    digests = {name: open_drive(data / name).fingerprint()["digest"] for name in drives}
+    return "; ".join(f"{name} {digest}" for name, digest in digests.items())
 
 
 @contextmanager
