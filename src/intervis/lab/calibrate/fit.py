@@ -1,6 +1,7 @@
 """The calibration of the occupancy model, stage by stage."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,9 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
     numbers, loss = probability.fit_probability(lines)
     result.numbers.update(numbers)
     report("probability")
+    # A query without a time has the default time gap; the thresholds must be reachable then.
     worlds = _judged(plan, data, "thresholds", engine, report)
+    worlds = replace(worlds, time_gap_s=np.full(len(worlds.visible), model.DEFAULT_TIME_GAP_S))
     theta = np.array([numbers[name] for name in probability.NAMES])
     p = probability.line_probability(worlds, theta)
     result.numbers.update(probability.choose_thresholds(worlds, p))
