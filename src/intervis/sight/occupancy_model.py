@@ -1,8 +1,8 @@
 """The occupancy model: from observed ranges to visible, occluded and unknown.
 
-This page defines what the engine computes. A sight line is sampled every `STEP_M` at most, at the
-midpoints of equal steps; samples within `END_MARGIN_M` of an end are left out, because the ends may
-lie on surfaces.
+This docstring defines what the engine computes. A sight line is sampled every `STEP_M` at most, at
+the midpoints of equal steps; samples within `END_MARGIN_M` of an end are left out, because the ends
+may lie on surfaces.
 
 **Inverse sensor model.** The range image of a scan (`range_image`) holds a surface range for each
 direction. The depth of a sample behind it is d = rho(sample) - rho(surface), in metres:
@@ -12,13 +12,13 @@ direction. The depth of a sample behind it is d = rho(sample) - rho(surface), in
     d > 0       behind the surface: occluded from that scan, more likely occupied if close to it
     no surface  no beam, or no return: the scan does not contribute
 
-The `SCANS` scans nearest to one of the line's ends contribute. The log-odds that the sample at
+The `SCANS` scans nearest to either end of the line contribute. The log-odds that the sample at
 height h above ground is occupied are
 
     log_odds = height_log_odds(h) + sum over scans k of weight_k depth_log_odds(d_k)
 
 where weight_k (`scan_weights`) decays with the rank of the scan. `depth_log_odds` has one curve for
-surfaces and one for volumetric returns.
+surfaces and one for volumetric returns (`range_image`: leaves, wires, edges).
 
 **Dynamic objects.** A query time is optional. With one, each second between it and a scan adds
 `AGE_COST_M_PER_S` to that scan's distance. Two scans bracket the query: the nearest scan, and the
@@ -32,7 +32,7 @@ sensor's path, up to `MOTION_REACH_M` apart, both on a surface of their own scan
 them free in the other. If it finds a pair, the sample is occupied: log_odds >=
 `DYNAMIC_OCCUPIED_LOG_ODDS`. If not, the object had left or had not arrived: log_odds <=
 `DYNAMIC_FREE_LOG_ODDS`. With a query time outside the time span of the scans, samples that the
-nearest scan saw free get the second bound.
+nearest scan saw free get log_odds <= `DYNAMIC_FREE_LOG_ODDS`.
 
 **Transmittance.** An occupied sample attenuates the line by `ATTENUATION_PER_M` per metre. With the
 occupancy P(occupied) = 1 / (1 + exp(-log_odds)), the optical depth of the line is
@@ -52,9 +52,11 @@ were taken, a fraction `disappeared` of the occluded lines has become visible, a
 
 The factor c keeps P = 0.5 where Q without it is 0.5.
 
-**Three answers.** x is the sum of three parts: `surface` (samples with `SURFACE_FROM_M` <= d <=
-`SURFACE_TO_M` for some scan, below ground, or occupied by a dynamic object), `free` (other samples
-that some scan saw free) and `unobserved` (samples that no scan observed).
+**Three answers.** Beside `BASE_OPTICAL_DEPTH`, x is the sum of three parts, and each sample belongs
+to one of them: `surface` (samples with `SURFACE_FROM_M` <= d <= `SURFACE_TO_M` for some scan, below
+ground, or occupied by a dynamic object), `free` (other samples with d < `SURFACE_FROM_M` for some
+scan) and `unobserved` (all others: no scan has a surface in their direction, or they lie deeper than
+`SURFACE_TO_M` behind it).
 
     occluded (0)   surface > OCCLUDED_MIN_SURFACE: the line meets an observed surface
     visible  (1)   surface < VISIBLE_MAX_SURFACE, unobserved < VISIBLE_MAX_UNOBSERVED and
@@ -105,11 +107,11 @@ CORRELATION: float = FITTED["correlation"]
 AGE_COST_M_PER_S = 20.0
 ATTENUATION_PER_M: float = FITTED["attenuation_per_m"]
 BASE_OPTICAL_DEPTH: float = FITTED["base_optical_depth"]
-# The ground map is uncertain by less than this.
+# The ground map is uncertain by less than this. Two samples below ground block a line.
 BELOW_GROUND_M, BELOW_GROUND_ATTENUATION_PER_M = 0.5, 4.0
 SHARPNESS: float = FITTED["sharpness"]
 CHANGE_TIME_S: float = FITTED["change_time_s"]
-"""Time constant with which dynamic objects leave."""
+"""Time constant of both change fractions, seconds."""
 DISAPPEARED_SINGLE_SCAN: float = FITTED["disappeared_single_scan"]
 APPEARED_SINGLE_SCAN: float = FITTED["appeared_single_scan"]
 """Change fractions after a long time if one scan contributes and nothing tells what moves."""
@@ -129,7 +131,7 @@ VISIBLE_MAX_UNOBSERVED_M, VISIBLE_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
 VISIBLE_MAX_OCCLUDED_SPACE_M = 1.0
 # Depths that count as the surface itself.
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
-# Shallower depths than this: the beam passed through.
+# At d below this the beam passed through.
 FREE_DEPTH_M = -0.7
 # Greater depths behind a surface say nothing about the object in front of it.
 DYNAMIC_MAX_DEPTH_M = 3.0
@@ -137,6 +139,7 @@ DYNAMIC_MAX_DEPTH_M = 3.0
 DYNAMIC_MIN_HEIGHT_M, DYNAMIC_MAX_HEIGHT_M = 0.2, 3.0
 # Search for the two positions of a moving object, along the sensor's path.
 MOTION_STEP_M, MOTION_REACH_M = 1.0, 6.0
+# Bounds: an occupancy of at least 0.82, or of at most 0.05.
 DYNAMIC_OCCUPIED_LOG_ODDS, DYNAMIC_FREE_LOG_ODDS = 1.5, -3.0
 
 # Sampling of the curves for the kernels: 5 cm, 1/32 in log-odds.
@@ -150,8 +153,9 @@ def scan_weights(
 ) -> Float64Array:
     """Weights (count,) of the contributing scans, nearest first.
 
-    The weights of `count` scans with independent errors would sum to s = 1 + 0.6 + 0.36 + ...;
-    because their errors are correlated they sum to s ** (1 - correlation).
+    The weights of `count` scans with independent errors would sum to
+    s = 1 + decay + decay ** 2 + ...; because their errors are correlated they sum to
+    s ** (1 - correlation).
 
     Examples
     --------
