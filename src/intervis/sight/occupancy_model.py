@@ -55,8 +55,8 @@ The factor c keeps P = 0.5 where Q without it is 0.5.
 **Three answers.** Beside `BASE_OPTICAL_DEPTH`, x is the sum of three parts, and each sample belongs
 to one of them: `surface` (samples with `SURFACE_FROM_M` <= d <= `SURFACE_TO_M` for some scan, below
 ground, or occupied by a dynamic object), `free` (other samples with d < `SURFACE_FROM_M` for some
-scan) and `unobserved` (all others: no scan has a surface in their direction, or they lie deeper than
-`SURFACE_TO_M` behind it).
+scan) and `unobserved` (all others: no scan has a surface in their direction, or they lie deeper
+than `SURFACE_TO_M` behind it).
 
     occluded (0)   surface > OCCLUDED_MIN_SURFACE: the line meets an observed surface
     visible  (1)   surface < VISIBLE_MAX_SURFACE, unobserved < VISIBLE_MAX_UNOBSERVED and
