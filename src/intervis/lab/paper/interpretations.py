@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import ceil
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, get_args, NamedTuple
 
 import numpy as np
 
@@ -30,15 +30,15 @@ from intervis.method.mesh import Mesh, build_mesh, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
 from intervis.method.surface import Surface, build_surface
 from intervis.progress import Progress, silent
-from intervis.settings import Settings
+from intervis.settings import Chart, Gate, Metric, Sampling, Settings
 
 if TYPE_CHECKING:
     from intervis.drives import Drive, Frame
 
-METRICS = ("mahalanobis", "normalized", "euclidean", "ground")
-CHARTS = ("ground", "angles", "polar")
-SAMPLINGS = ("kernel", "stride", "radius")
-GATES = ("degree", "mean", "shortest", "star_minimum", "none")
+METRICS: tuple[str, ...] = get_args(Metric)
+CHARTS: tuple[str, ...] = get_args(Chart)
+SAMPLINGS: tuple[str, ...] = get_args(Sampling)
+GATES: tuple[str, ...] = get_args(Gate)
 CONCAVE_BOUNDARIES = ("every", "any")
 GATE_ONLY = "gate only"
 CRITERIA = ("elevation", "sight_angle", "sight_line", GATE_ONLY)
