@@ -10,6 +10,8 @@ from intervis.sight import HDL_64E, Scene
 from intervis.sight.ground_map import ground_map_of
 from intervis.sight.kernels import rasterize as kernels
 from intervis.sight.kernels import terrain
+from intervis.sight.kernels.batch import BRACKETING, DIRECTION
+from intervis.sight.kernels.dynamics import find_bracketing
 from intervis.sight.range_image import range_image_of
 
 
@@ -234,3 +236,68 @@ def test_near_and_far_limits_of_the_sensor_are_kept(rng):
     far = 500.0 * np.column_stack([np.ones(50), rng.uniform(-1, 1, 50), np.zeros(50)])
     image = range_image_of(np.vstack([scan, near, far]), HDL_64E)
     assert image.returns == range_image_of(scan, HDL_64E).returns
+
+
+def bracketing_by_definition(position, offset_s, a, b, chosen):
+    """Rank, direction and fraction, one line at a time, from the text of `occupancy_model`."""
+    near = position[chosen[0]]
+    to_a, to_b = np.sum((a - near) ** 2), np.sum((b - near) ** 2)
+    end = (a if to_a <= to_b else b)[:2]
+    timed = not np.isnan(offset_s[chosen[0]])
+    if timed:
+        beyond = [n for n in range(1, len(chosen)) if offset_s[chosen[0]] * offset_s[chosen[n]] < 0]
+    else:
+        ahead = end - near[:2]
+        beyond = [n for n in range(1, len(chosen)) if (position[chosen[n], :2] - end) @ ahead > 0]
+    if not beyond:
+        return (-1 if timed else 0), None, None
+    way = position[chosen[beyond[0]], :2] - near[:2]
+    length = np.linalg.norm(way)
+    if length < 0.5:
+        return 0, None, None
+    if timed:
+        first, second = offset_s[chosen[0]], offset_s[chosen[beyond[0]]]
+        return beyond[0], way / length, first / (first - second)
+    fraction = np.clip((end - near[:2]) @ (way / length) / length, 0.0, 1.0)
+    return beyond[0], way / length, fraction
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_the_bracketing_scan_is_the_nearest_on_the_other_side(rng, timed):
+    scans, lines = 6, 4000
+    position = rng.normal(0.0, 4.0, (scans, 3))
+    offset_s = rng.normal(0.0, 1.0, scans) if timed else np.full(scans, np.nan)
+    a, b = rng.normal(0.0, 6.0, (2, lines, 3))
+    b[::4] = 2.0 * position[0] - a[::4]  # both ends equally far from the first scan
+    chosen = np.array([rng.permutation(scans)[:4] for _ in range(lines)])
+    chosen[::4, 0] = 0
+    table = np.zeros((lines, 13))
+    find_bracketing(position, offset_s, a, b, chosen, table)
+    ranks = set()
+    for i in range(lines):
+        if i % 4 == 0 and not timed:  # a tie up to rounding: either end, but one of them whole
+            options = [
+                bracketing_by_definition(position, offset_s, one, one, chosen[i])
+                for one in (a[i], b[i])
+            ]
+        else:
+            options = [bracketing_by_definition(position, offset_s, a[i], b[i], chosen[i])]
+        assert any(
+            table[i, BRACKETING] == rank
+            and (
+                direction is None
+                or np.allclose(table[i, DIRECTION : DIRECTION + 3], [*direction, fraction])
+            )
+            for rank, direction, fraction in options
+        ), i
+        ranks.add(int(table[i, BRACKETING]))
+    assert {1, 2, 3} <= ranks
+
+
+def test_the_nearer_end_is_found_in_three_dimensions():
+    """One end is nearer only because of the sensor's height."""
+    position = np.array([[0.0, 0.0, 3.0], [10.0, 0.0, 3.0], [-10.0, 0.0, 3.0]])
+    a, b = np.array([[4.0, 0.0, -3.0]]), np.array([[-5.0, 0.0, 4.0]])
+    table = np.zeros((1, 13))
+    find_bracketing(position, np.full(3, np.nan), a, b, np.array([[0, 1, 2]]), table)
+    assert table[0, BRACKETING] == 2, "b is nearer: 5.1 m against 7.2 m"
