@@ -26,6 +26,12 @@ def test_a_camera_gives_its_intrinsics_and_its_own_matrix():
     assert repr(camera) == "Camera(width_px=1242, height_px=375, name='image_02')"
 
 
+def test_cameras_compare_by_identity_because_arrays_have_no_truth_value():
+    camera, same = Camera(PROJECTION, 10, 10), Camera(PROJECTION, 10, 10)
+    assert camera != same
+    assert len({camera, same}) == 2
+
+
 def test_the_centre_projects_to_zero():
     centre_cam = Camera(PROJECTION, 1242, 375).centre_cam
     assert np.allclose(PROJECTION @ [*centre_cam, 1], 0, atol=1e-10)

@@ -132,6 +132,13 @@ def test_an_unknown_folder_names_the_expected_and_the_found_files(tmp_path):
                             "07.laz, ....")  # fmt: skip
 
 
+def test_eight_found_files_are_listed_completely(tmp_path):
+    for number in range(8):
+        write_text(tmp_path / f"{number}.laz", "")
+    with pytest.raises(DriveError, match=r"Found: 0\.laz, .*, 7\.laz\.$"):
+        open_drive(tmp_path)
+
+
 def test_a_scan_that_vanishes_after_opening(tmp_path):
     write_scan(tmp_path / "0.bin", 0)
     write_scan(tmp_path / "1.bin", 1)

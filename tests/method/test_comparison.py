@@ -164,6 +164,8 @@ def test_the_measures_are_those_of_the_mesh_of_the_same_points():
         clear_triangles = result.node_intervisible[result.triangles].all(axis=1)
         np.testing.assert_array_equal(result.region, clear_triangles)
         np.testing.assert_array_equal(result.tree_parent == -1, result.node_intervisible)
+        a, b = (result.node_points[result.edges[:, end], :2] for end in (0, 1))
+        np.testing.assert_allclose(result.edge_length, np.hypot(*(a - b).T), rtol=1e-9)
 
 
 def test_copies_have_one_result_and_rows_without_return_are_left_out():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from intervis.sight import occupancy_model as model
+from intervis.sight.kernels.classify import _state
 from intervis.sight.kernels.parameters import Parameters
 
 TABLES, PARAMETERS = model.MODEL.tables, model.MODEL.parameters
@@ -78,3 +79,47 @@ def test_the_file_says_where_its_numbers_come_from():
     path = Path(model.__file__).with_name(model.FITTED_FILE)
     provenance = tomllib.loads(path.read_text())["provenance"]
     assert {"command", "curves", "probability", "weights", "thresholds"} <= set(provenance)
+
+
+def test_states_follow_their_definition_near_every_threshold(rng):
+    """Random lines around each limit, and exactly on it, against the text of the definition."""
+    p = PARAMETERS
+    limits = {
+        "probability": p.visible_min_probability,
+        "surface": p.visible_max_surface,
+        "unobserved": p.visible_max_unobserved,
+        "occluded_space_m": p.visible_max_occluded_space_m,
+    }
+    seen = set()
+    for _ in range(4000):
+        v = {
+            name: limit * rng.choice([0.9, 1.0, 1.1], p=[0.5, 0.2, 0.3])
+            for name, limit in limits.items()
+        }
+        v["probability"] = p.visible_min_probability * rng.choice([0.99, 1.0, 1.01])
+        if rng.random() < 0.2:
+            v["surface"] = p.occluded_min_surface * rng.choice([0.99, 1.0, 1.01])
+        length_m = rng.uniform(0.5, 12.0)
+        allowed_m = min(3.0, 0.5 * max(length_m - 2 * 0.4, 0.0))
+        unobserved_m = allowed_m * rng.choice([0.95, 1.0, 1.05])
+        visible = (
+            v["probability"] >= 0.85
+            and v["surface"] < 0.3
+            and v["unobserved"] < 0.25
+            and unobserved_m <= allowed_m
+            and v["occluded_space_m"] <= 1.0
+        )
+        expected = 0 if v["surface"] > 0.95 else 1 if visible else -1
+        found = _state(
+            v["probability"],
+            v["surface"],
+            v["unobserved"],
+            unobserved_m,
+            v["occluded_space_m"],
+            length_m,
+            p.visible_min_probability,
+            p,
+        )
+        assert found == expected
+        seen.add(expected)
+    assert seen == {-1, 0, 1}
