@@ -552,3 +552,16 @@ def test_without_pypcd4_the_extra_is_named(tmp_path, monkeypatch):
     path.write_bytes(pcd_bytes(pcd_table(), "binary"))
     with pytest.raises(MissingExtraError, match=r"pip install 'intervis\[pcd\]'"):
         read_scan(path)
+
+
+@pytest.mark.parametrize(("far_m", "warned"), [(16_380.0, False), (16_390.0, True)])
+def test_coordinates_that_float32_resolves_to_a_millimetre_need_no_warning(
+    tmp_path, caplog, far_m, warned
+):
+    """The spacing of float32 numbers is 0.98 mm below 2^14 and 1.95 mm from there on."""
+    assert (np.spacing(np.float32(far_m)) > 1e-3) == warned
+    points = np.zeros((4, 3))
+    points[1, 0] = -far_m
+    np.save(tmp_path / "0.npy", points)
+    read_scan(tmp_path / "0.npy")
+    assert ("float32 is coarser than 1 mm" in caplog.text) == warned

@@ -78,9 +78,9 @@ def test_lines_within_a_range_are_the_dense_answer_picked(scene, rng):
     row, column, sparse = scene.sight_within(viewpoints, targets, 12.0)
     dense = scene.sight(viewpoints, targets, max_range_m=12.0)
     away = np.linalg.norm(targets[None] - viewpoints[:, None], axis=2)
-    assert sorted(zip(row, column, strict=True)) == sorted(
-        zip(*np.nonzero(away <= 12.0), strict=True)
-    )
+    # np.nonzero goes row by row: the order that is promised.
+    np.testing.assert_array_equal([row, column], np.nonzero(away <= 12.0))
+    assert len(row) > 20
     assert np.array_equal(sparse.state, dense.state[row, column])
     assert np.isnan(dense.probability[away > 12.0]).all()
     assert (dense.state[away > 12.0] == UNKNOWN).all()
