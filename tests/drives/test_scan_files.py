@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from intervis.drives.scan import scan_of_table
 from intervis.drives.scan_file import read_scan, scan_ending
 from intervis.errors import MissingExtraError, ScanError
 
@@ -565,3 +566,8 @@ def test_coordinates_that_float32_resolves_to_a_millimetre_need_no_warning(
     np.save(tmp_path / "0.npy", points)
     read_scan(tmp_path / "0.npy")
     assert ("float32 is coarser than 1 mm" in caplog.text) == warned
+
+
+def test_a_field_named_like_two_axes_is_an_attribute():
+    table = np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4"), ("xy", "f4")])
+    assert list(scan_of_table(Path("made"), table).attributes) == ["xy"]

@@ -68,7 +68,7 @@ def scan_of_table(path: Path, table: NDArray[Any]) -> Scan:
         )
     with np.errstate(invalid="ignore"):  # casting a signalling NaN
         xyz = np.column_stack([table[axis] for axis in "xyz"])
-    return _scan(path, xyz, {name: table[name] for name in names if name not in "xyz"})
+    return _scan(path, xyz, {name: table[name] for name in names if name not in ("x", "y", "z")})
 
 
 def _scan(path: Path, xyz: NDArray[Any], others: Mapping[str, NDArray[Any]]) -> Scan:
