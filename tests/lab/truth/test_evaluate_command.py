@@ -76,6 +76,33 @@ def test_without_baselines_there_is_the_engine_only(drive, known_methods, capsys
     assert "constant" not in shown
 
 
+def test_scanners_of_one_moment(drive, known_methods, tmp_path, capsys):
+    text = "".join(
+        f'[[scanner]]\nname = "{name}"\nscan = "{drive}/{number:06d}.bin"\n'
+        f"translation_m = [{x}, 0, 1.7]\n"
+        for name, number, x in (("front", 5, 0.0), ("rear", 3, -4.0))
+    )
+    file, listed = tmp_path / "accuracy.json", tmp_path / "together.toml"
+    listed.write_text(text)
+    command(listed, "--protocol", "together", "--rivals", "--json", file)
+    shown = capsys.readouterr().out
+    assert "together: a second scanner, queries in the frame of the scene" in shown
+    assert "front:rear, constant (visible)" in shown
+    content = json.loads(file.read_text())
+    assert content["drive"]["scanners"] == ["front", "rear"]
+    (evaluation,) = content["evaluations"]
+    assert evaluation["query_sets"] == ["front:rear", "rear:front"]
+    assert evaluation["results"][0]["mean"]["mcc"] > 0.95
+    command(listed, "--protocol", "together", "--pairs", "rear:front")
+    shown = capsys.readouterr().out
+    assert "rear:front" in shown
+    assert "front:rear" not in shown
+    # a folder of scans with poses: frames 5 and 3 are the same two scans
+    command(drive, "--protocol", "together", "--pairs", "5:3", "--json", file)
+    (other,) = json.loads(file.read_text())["evaluations"]
+    assert other["target_count"] == evaluation["results"][0]["query_sets"]["front:rear"]["count"]
+
+
 def test_a_short_simulated_drive_is_compared_with_its_world_only(known_methods, tmp_path, capsys):
     from intervis.lab.worlds import simulate
 
@@ -97,6 +124,9 @@ def test_a_short_simulated_drive_is_compared_with_its_world_only(known_methods, 
         (["--pairs", "0:77"], DriveError, "no frame 77"),
         (["--pairs", "2:2"], DriveError, "own reference"),
         (["--protocol", "all"], SettingsError, "single, past, map"),
+        (["--protocol", "together", "--graph"], SettingsError, "needs a drive"),
+        (["--protocol", "together", "--frame", "world"], SettingsError, "scene, scanner"),
+        (["--protocol", "together", "--pairs", "0:0"], DriveError, "own reference"),
         (["--json", "/nowhere/at/all.json"], OutputError, "no folder"),
         (["--json", "."], OutputError, "is a folder"),
     ],

@@ -1,20 +1,30 @@
 """Evaluations in the yard: methods that cast rays at it, invert them, or answer unknown."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from yard import YARD, write_drive
+from scipy.spatial.transform import Rotation
+from yard import YARD, scan_of, write_drive
 
 from intervis import open_drive
 from intervis.errors import DriveError, SettingsError
 from intervis.lab.truth.baselines import InputScans
-from intervis.lab.truth.evaluation import _seconds_since, evaluate_held_out, evaluate_world
+from intervis.lab.truth.evaluation import (
+    _seconds_since,
+    evaluate_held_out,
+    evaluate_together,
+    evaluate_world,
+    together_query_sets,
+)
 from intervis.lab.truth.exact_world import Sampling
 from intervis.lab.truth.methods import Method, Predictions, baseline_methods
 from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.truth.results import EvaluationResult, MethodResult
+from intervis.lab.truth.scanner_set import Scanner, ScannerSet
 from intervis.lab.worlds.ray_casting import RayCaster
+from intervis.transform import rigid, transform
 
 FEW = Sampling(viewpoints=2, returns=300, free_points=300, anywhere=300)
 
@@ -235,3 +245,74 @@ def test_scans_without_common_space_give_no_labels(tmp_path):
         evaluate_held_out(
             open_drive(tmp_path), pairs=((0, 2),), methods=[method("ray caster", ray_caster)]
         )
+
+
+def two_scanners(pairs=(("upright", "tilted"), ("tilted", "upright"))):
+    """Two scanners 8 m apart in the yard, one tilted by 45 degrees and turned."""
+    tilt = Rotation.from_euler("xyz", [5.0, 45.0, 80.0], degrees=True).as_matrix()
+    poses = {"upright": rigid(np.eye(3), [0, 0, 1.7]), "tilted": rigid(tilt, [3.0, 7.5, 1.2])}
+    return ScannerSet(
+        "two",
+        tuple(
+            Scanner(name, scan_of(YARD, pose, noise_m=0.01, step_deg=0.5).astype(np.float32), pose)
+            for name, pose in poses.items()
+        ),
+        pairs,
+    )
+
+
+def test_two_scanners_of_one_moment():
+    evaluation = evaluate_together(
+        two_scanners(),
+        methods=[
+            method("ray caster", ray_caster),
+            method("inverted", lambda *query: 1 - ray_caster(*query)),
+        ],
+    )
+    good, bad = evaluation.results
+    assert evaluation.query_sets == ("upright:tilted", "tilted:upright")
+    assert evaluation.protocol == "together"
+    assert evaluation.target_count > 2000
+    assert [scores.mcc > 0.95 for scores in good.scores] == [True, True]
+    assert bad.mean.mcc == pytest.approx(-good.mean.mcc)
+
+
+def test_the_known_scanner_may_be_the_frame_of_the_queries():
+    scanners = two_scanners((("tilted", "upright"),))
+    scene_from_scanner = scanners.scanner("tilted").pose
+    (in_scene,) = together_query_sets(scanners, "scene")
+    (in_scanner,) = together_query_sets(scanners, "scanner")
+    np.testing.assert_array_equal(in_scene.inputs.poses[0], scene_from_scanner)
+    np.testing.assert_array_equal(in_scanner.inputs.poses[0], np.eye(4))
+    np.testing.assert_allclose(in_scene.viewpoint, [0, 0, 1.7], atol=1e-9)
+    for name in ("viewpoint", "targets"):
+        moved = transform(scene_from_scanner, getattr(in_scanner, name))
+        np.testing.assert_allclose(moved, getattr(in_scene, name), atol=1e-9)
+    np.testing.assert_array_equal(in_scene.visible, in_scanner.visible)
+    assert in_scene.inputs.scans[0] is scanners.scanner("tilted").points
+
+
+def test_wrong_requests_of_scanners():
+    with pytest.raises(SettingsError, match="scene, scanner"):
+        evaluate_together(two_scanners(), frame="world", methods=[method("x", ray_caster)])
+    scanners = two_scanners((("upright", "tilted"),))
+    far = replace(scanners.scanner("tilted"), points=np.full((9, 3), 1e3, np.float32))
+    blind = replace(scanners, scanners=(scanners.scanner("upright"), far))
+    with pytest.raises(DriveError, match="check the poses"):
+        evaluate_together(blind, methods=[method("x", ray_caster)])
+
+
+def test_the_best_setting_of_one_query_set():
+    results = []
+    for setting, scored in (("a", [0.9, 0.1]), ("b", [0.1, 0.8])):
+        result = MethodResult("method", setting)
+        for number, probability in enumerate(scored):
+            labels = np.array([True, False])
+            inputs = InputScans((), (), (), 0, 1)
+            query_set = QuerySet(f"{number}", inputs, np.zeros(3), np.ones((2, 3)), labels)
+            answer = np.array([probability, 0.2])
+            result.add(query_set, Predictions(answer, None, 0.0, 0.0))
+        results.append(result)
+    evaluation = EvaluationResult("drive", "truth", "single", ("0", "1"), 4, tuple(results))
+    assert [result.setting for result in evaluation.best_settings("0")] == ["a"]
+    assert [result.setting for result in evaluation.best_settings("1")] == ["b"]

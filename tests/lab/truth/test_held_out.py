@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intervis.errors import PointsError, PoseError
-from intervis.lab.truth.held_out import HeldOutLabels, held_out_labels
+from intervis.lab.truth.held_out import (
+    HeldOutLabels,
+    LabelRule,
+    beam_spacing_deg,
+    held_out_labels,
+    rule_for_scanner,
+)
 from intervis.transform import rigid, transform
 
 HERE = np.eye(4)
@@ -176,3 +182,55 @@ def test_inputs_are_not_changed():
     before = points.copy()
     held_out_labels(points, HERE, points, HERE)
     np.testing.assert_array_equal(points, before)
+
+
+def grid_scan(azimuth_step_deg, elevation_step_deg, range_m=9.0):
+    azimuth, elevation = np.mgrid[-15:16, -15:16].reshape(2, -1)
+    rows = zip(azimuth * azimuth_step_deg, elevation * elevation_step_deg, strict=True)
+    return np.array([at(a, range_m, e) for a, e in rows])
+
+
+@pytest.mark.parametrize(
+    ("azimuth_step", "elevation_step", "fourth"),
+    [
+        (0.5, 0.5, 0.5),
+        (0.2, 1.0, 0.4),  # 0.2, 0.2, 0.4, 0.4 within the ring
+        (0.2, 0.3, 0.3),  # 0.2, 0.2, 0.3, 0.3: the neighbours in the ring, and above and below
+    ],
+)
+def test_beam_spacing_is_the_fourth_nearest_angle(azimuth_step, elevation_step, fourth, rng):
+    scan = grid_scan(azimuth_step, elevation_step) * rng.uniform(0.2, 5.0, (961, 1))
+    with_others = np.vstack([scan, np.zeros((50, 3)), np.full((2, 3), np.nan)])
+    assert beam_spacing_deg(with_others) == pytest.approx(fourth, rel=0.02)
+
+
+def test_spacing_of_few_returns_is_undefined():
+    assert np.isnan(beam_spacing_deg(np.empty((0, 3))))
+    assert np.isnan(beam_spacing_deg(np.array([at(0, 5.0), at(1, 5.0)])))
+
+
+def test_the_rule_of_a_scanner_scales_with_its_spacing():
+    coarse, fine = rule_for_scanner(grid_scan(1.0, 1.0)), rule_for_scanner(grid_scan(0.1, 0.1))
+    assert coarse.nearest_angle_deg == pytest.approx(0.8, rel=0.01)
+    assert coarse.neighbour_angle_deg == pytest.approx(1.3, rel=0.01)
+    assert (fine.nearest_angle_deg, fine.neighbour_angle_deg) == (0.15, 0.25)
+    assert (coarse.min_range_m, coarse.max_range_m) == (1.5, 75.0)
+    assert not coarse.label_silhouettes
+
+
+@pytest.mark.parametrize(
+    ("beam_ranges", "labelled", "unlabelled"),
+    [
+        ([20.0, 19.01], True, True),  # less than 1 m nearer
+        ([20.0, 18.99], True, None),  # a silhouette
+        ([20.0, 35.0], True, True),  # a beam beyond does not make one
+        ([10.0, 10.0], False, False),
+    ],
+)
+def test_silhouettes(beam_ranges, labelled, unlabelled):
+    point, beams = at(0, 20.0), np.array([at(0, r) for r in beam_ranges])
+    for label_silhouettes, expected in ((True, labelled), (False, unlabelled)):
+        rule = LabelRule(label_silhouettes=label_silhouettes)
+        labels = held_out_labels(point[None], HERE, beams, HERE, rule)
+        found = None if len(labels.index) == 0 else bool(labels.visible[0])
+        assert found is expected

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from intervis import open_drive
-from intervis.lab.truth.evaluation import evaluate_held_out
+from intervis.lab.truth.evaluation import evaluate_held_out, evaluate_together
 from intervis.lab.truth.held_out import held_out_labels
 from intervis.lab.truth.methods import baseline_methods
+from intervis.lab.truth.scanner_set import read_scanners
 from intervis.lab.truth.scores import score
 
 PAIRS = ((0, 5), (0, 10), (0, 20), (10, 2), (5, 21), (20, 5))
@@ -83,3 +84,47 @@ def test_hidden_point_removal(drive):
 def test_triangulated_scan(drive):
     known = mean_mcc(drive, "triangulated scan", "jumps over 20% cut")
     assert known == pytest.approx(0.49, abs=0.02)
+
+
+ROOF = """
+pairs = ["roof:left", "left:roof", "roof:right", "right:roof"]
+
+[[scanner]]
+name = "roof"
+scan = "{folder}/top.pcd"
+
+[[scanner]]
+name = "left"
+scan = "{folder}/left.pcd"
+translation_m = [-0.01, 0.58, -0.39]
+roll_pitch_yaw_deg = [-4.2, 45.2, 92.1]
+
+[[scanner]]
+name = "right"
+scan = "{folder}/right.pcd"
+translation_m = [-0.03, -0.58, -0.42]
+roll_pitch_yaw_deg = [-0.6, 45.8, -86.3]
+"""
+"""One car of the OpenCalib data set: a level scanner on the roof, and two tilted by 45 degrees."""
+
+
+@pytest.fixture(scope="module")
+def scanners(shared_data, tmp_path_factory):
+    path = tmp_path_factory.mktemp("opencalib") / "together.toml"
+    folder = (shared_data / "opencalib" / "lidar2lidar" / "0001").resolve()
+    path.write_text(ROOF.format(folder=folder))
+    return read_scanners(path)
+
+
+def test_two_scanners_of_one_moment(scanners):
+    """MCC of the baselines per pair: hidden point removal 0.855 0.483 0.769 0.511."""
+    methods = [
+        method
+        for method in baseline_methods(several_scans=False)
+        if method.setting == "radius 1000 x farthest"
+    ]
+    (result,) = evaluate_together(scanners, methods=methods).results
+    assert result.labels == ["roof:left", "left:roof", "roof:right", "right:roof"]
+    known = [0.855, 0.483, 0.769, 0.511]
+    assert [scores.mcc for scores in result.scores] == pytest.approx(known, abs=0.02)
+    assert [scores.count for scores in result.scores] == [24905, 1278, 25742, 1195]

@@ -1,27 +1,35 @@
-"""Evaluation of a drive, against held-out returns or the triangles of its simulated world."""
+"""Evaluations: labels from held-out returns, a second scanner, or a simulated world's triangles."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from typing import Literal, get_args
+
+import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array
 from intervis.drives import Drive
-from intervis.errors import DriveError
+from intervis.errors import DriveError, SettingsError
 from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.dynamic import dynamic_lines
 from intervis.lab.truth.exact_world import Sampling, exact_query_sets
-from intervis.lab.truth.held_out import held_out_labels
+from intervis.lab.truth.held_out import DRIVE_RULE, LabelRule, held_out_labels, rule_for_scanner
 from intervis.lab.truth.methods import Method, baseline_methods, engine
 from intervis.lab.truth.pairs import Pairs, checked_poses, default_pairs
 from intervis.lab.truth.protocols import Protocol, checked_protocol, distance_m, input_frames
 from intervis.lab.truth.query_set import QuerySet, QuerySets
 from intervis.lab.truth.results import EvaluationResult, run_methods
+from intervis.lab.truth.scanner_set import ScannerSet
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.progress import Progress, silent
-from intervis.transform import transform
+from intervis.transform import inverse, transform
 
 MAX_SCANS = 40
 """A method gets at most so many scans: those whose poses are nearest to the viewpoint."""
 SCAN_CACHE_SIZE = 64
+
+QueryFrame = Literal["scene", "scanner"]
+QUERY_FRAMES: tuple[QueryFrame, ...] = get_args(QueryFrame)
+"""Frames in which scanners of one moment are queried, see `evaluate_together`."""
 
 
 def evaluate_held_out(
@@ -129,6 +137,60 @@ def evaluate_world(
     return EvaluationResult(drive.name, ground_truth, known, labels, target_count, results)
 
 
+def evaluate_together(
+    scanners: ScannerSet,
+    *,
+    frame: str = "scene",
+    baselines: bool = False,
+    progress: Progress | None = None,
+    methods: Sequence[Method] | None = None,
+) -> EvaluationResult:
+    """Evaluate sight lines through the scan of one scanner against a second one of the same moment.
+
+    The methods get the scan of the known scanner. The viewpoint is the place of the reference
+    scanner, whose returns are hidden and give the labels (`rule_for_scanner`). Nothing moved
+    between the two, and no pose drifted.
+
+    Parameters
+    ----------
+    scanners : ScannerSet
+        With the pairs to evaluate.
+    frame : {"scene", "scanner"}
+        Frame of the queries. ``scene``: the scan is added with its pose. ``scanner``: the frame of
+        the known scanner, with the identity as its pose, so that a method is not told the tilt.
+    baselines, progress, methods
+        As in `evaluate_held_out`.
+
+    Raises
+    ------
+    DriveError
+        A pair without any labelled point.
+    SettingsError
+        No such frame.
+    """
+    results, labels, target_count = run_methods(
+        together_query_sets(scanners, checked_frame(frame)),
+        methods or methods_for("single", baselines=baselines),
+        progress or silent,
+    )
+    ground_truth = f"a second scanner, queries in the frame of the {frame}"
+    return EvaluationResult(scanners.name, ground_truth, "together", labels, target_count, results)
+
+
+def checked_frame(name: str) -> QueryFrame:
+    """The frame of the queries.
+
+    Raises
+    ------
+    SettingsError
+        There is no such frame.
+    """
+    for frame in QUERY_FRAMES:
+        if name == frame:
+            return frame
+    raise SettingsError(f"there is no frame {name!r}; choose one of {', '.join(QUERY_FRAMES)}.")
+
+
 def methods_for(protocol: Protocol, *, baselines: bool) -> list[Method]:
     """The methods to evaluate under a protocol: the engine first."""
     return [engine(), *(baseline_methods(several_scans=protocol != "single") if baselines else [])]
@@ -178,11 +240,13 @@ def _check_frames(drive: Drive, numbers: Sequence[int]) -> None:
             drive[number]  # raises a DriveError that names the nearest numbers
 
 
-def held_out_query_sets(drive: Drive, pairs: Pairs, protocol: Protocol) -> QuerySets:
+def held_out_query_sets(
+    drive: Drive, pairs: Pairs, protocol: Protocol, rule: LabelRule = DRIVE_RULE
+) -> QuerySets:
     """One query set for each pair of frames (i, j); see `evaluate_held_out`."""
     poses, scan_of = _poses(drive), _cached_scans(drive)
     for i, j in pairs:
-        labels = held_out_labels(scan_of(i), poses[i], scan_of(j), poses[j])
+        labels = held_out_labels(scan_of(i), poses[i], scan_of(j), poses[j], rule)
         if len(labels.index) == 0:
             raise DriveError(
                 f"scan {j} gives no label for any point of scan {i}: choose frames that see the"
@@ -199,6 +263,34 @@ def held_out_query_sets(drive: Drive, pairs: Pairs, protocol: Protocol) -> Query
             targets,
             labels.visible,
             {"static": ~dynamic, "dynamic": dynamic},
+        )
+
+
+def together_query_sets(scanners: ScannerSet, frame: QueryFrame = "scene") -> QuerySets:
+    """One query set for each pair of scanners; see `evaluate_together`."""
+    for names in scanners.pairs:
+        known, reference = (scanners.scanner(name) for name in names)
+        rule = rule_for_scanner(reference.points)
+        labels = held_out_labels(known.points, known.pose, reference.points, reference.pose, rule)
+        if len(labels.index) == 0:
+            raise DriveError(
+                f"scanner {reference.name} gives no label for any point of scanner {known.name}:"
+                " check the poses, and choose scanners that see the same place."
+            )
+        query_from_scanner = known.pose if frame == "scene" else np.eye(4)
+        query_from_scene = query_from_scanner @ inverse(known.pose)
+        yield QuerySet(
+            ":".join(names),
+            InputScans(
+                (scanners.index(known.name),),
+                (known.points,),
+                (query_from_scanner,),
+                scanners.index(known.name),
+                scanners.index(reference.name),
+            ),
+            transform(query_from_scene, reference.pose[:3, 3]),
+            transform(query_from_scanner, known.points[labels.index]),
+            labels.visible,
         )
 
 

@@ -73,14 +73,21 @@ def accuracy_table(evaluation: "EvaluationResult", *, every_setting: bool = Fals
     return Table(title, ("method", *SCORE_HEADINGS, "prepare", "answer"), tuple(cells), (NOTE,))
 
 
-def viewpoint_table(evaluation: "EvaluationResult") -> Table:
-    """The scores of the first method, the engine, for each viewpoint."""
-    result = evaluation.results[0]
-    cells = [
-        (label, *_scores(scores))
-        for label, scores in zip(result.labels, result.scores, strict=True)
-    ]
-    return Table(f"{result.method}, each viewpoint", ("viewpoint", *SCORE_HEADINGS), tuple(cells))
+def viewpoint_table(evaluation: "EvaluationResult", *, every_method: bool = False) -> Table:
+    """The scores of the engine for each viewpoint, or those of all methods.
+
+    Each other method is shown at the setting with its highest MCC for that viewpoint.
+    """
+    engine, *_ = evaluation.results
+    cells: list[tuple[str, ...]] = []
+    for place, label in enumerate(evaluation.query_sets):
+        cells.append((label, *_scores(engine.scores[place])))
+        if every_method:
+            cells += [
+                (f"{label}, {_name(result)}", *_scores(result.scores[place]))
+                for result in evaluation.best_settings(label)[1:]
+            ]
+    return Table(f"{engine.method}, each viewpoint", ("viewpoint", *SCORE_HEADINGS), tuple(cells))
 
 
 def graph_table(ground_truth: str, scores: "Sequence[GraphScore]") -> Table:
