@@ -67,6 +67,10 @@ def test_table_and_json(drive, known_methods, tmp_path, capsys):
     assert constant["mean"]["mcc"] == 0.0
     assert constant["mean"]["precision_occluded"] is None
     assert f"{engine['mean']['mcc']:.3f}" in shown
+    assert "yard: risk and coverage, protocol single" in shown
+    assert f"{constant['mean']['aurc']:.4f}" in shown
+    assert constant["mean"]["aurc"] == pytest.approx(1 - constant["mean"]["visible_fraction"])
+    assert content["schema"] == evaluation["schema"] == 3
 
 
 def test_without_baselines_there_is_the_engine_only(drive, known_methods, capsys):
@@ -181,7 +185,7 @@ def test_the_plot_shows_the_bins():
 def test_nan_is_a_dash():
     table = accuracy_table(evaluation_of([0.9, 0.8], [True, True]))
     assert table.rows[0][1] == "-"  # all labels are equal: no correlation
-    assert table.rows[0][3] == "0.025"
+    assert table.rows[0][4] == "0.025"
 
 
 def test_the_graph_and_markdown(drive, known_methods, tmp_path, capsys):

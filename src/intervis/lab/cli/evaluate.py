@@ -276,12 +276,18 @@ def _tables(
     every_setting: bool,
 ) -> "list[Table]":
     from intervis.lab.truth.protocols import TOGETHER
-    from intervis.lab.truth.tables import accuracy_table, graph_table, viewpoint_table
+    from intervis.lab.truth.tables import (
+        accuracy_table,
+        graph_table,
+        risk_table,
+        viewpoint_table,
+    )
 
     tables = []
     for evaluation in evaluations:
         tables += [
             accuracy_table(evaluation, every_setting=every_setting),
+            risk_table(evaluation, every_setting=every_setting),
             viewpoint_table(evaluation, every_method=evaluation.protocol == TOGETHER),
         ]
     return tables + [graph_table(truth, scores) for truth, scores in graphs.items()]

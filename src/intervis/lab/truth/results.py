@@ -13,7 +13,7 @@ from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.truth.scores import Scores, average, number_or_none, score
 from intervis.progress import Progress
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of the JSON; raised when a key changes."""
 
 
