@@ -164,6 +164,38 @@ def test_times_of_the_inputs_are_seconds_after_the_reference():
     assert _seconds_since(timestamps_ns, (3, 5), 6) is None
 
 
+def test_times_follow_from_the_rate(drive):
+    given = []
+
+    def record(inputs, viewpoint, targets):
+        given.append(inputs.timestamps_s)
+        return np.ones(len(targets))
+
+    for rate_hz in (None, 4.0):
+        evaluate_held_out(
+            drive, pairs=((8, 12),), methods=[method("record", record)], rate_hz=rate_hz
+        )
+    assert given == [None, (-1.0,)]
+    for rate_hz in (0.0, -10.0, np.inf, np.nan):
+        with pytest.raises(SettingsError, match="rate"):
+            evaluate_held_out(
+                drive, pairs=((8, 12),), methods=[method("record", record)], rate_hz=rate_hz
+            )
+
+
+def test_near_returns_are_kept_for_the_methods(drive):
+    given = []
+
+    def record(inputs, viewpoint, targets):
+        given.append(inputs.scans[0])
+        distance = np.linalg.norm(targets - viewpoint, axis=1)
+        assert distance.min() >= 2.7
+        return np.ones(len(targets))
+
+    evaluate_held_out(drive, pairs=((16, 12),), methods=[method("record", record)])
+    np.testing.assert_array_equal(given[0], drive[16].points)
+
+
 def test_the_best_setting_is_the_one_with_the_highest_mcc(drive):
     some = baseline_methods(several_scans=False)[5:9]  # of one baseline
     evaluation = evaluate_held_out(drive, pairs=((0, 14),), methods=some)

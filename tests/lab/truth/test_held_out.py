@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from intervis.errors import PointsError, PoseError
 from intervis.lab.truth.held_out import (
+    DRIVE_RULE,
+    SILHOUETTES_VISIBLE,
     HeldOutLabels,
-    LabelRule,
     beam_spacing_deg,
     held_out_labels,
     rule_for_scanner,
@@ -31,13 +32,13 @@ def at(azimuth_deg, range_m, elevation_deg=0.0):
     )
 
 
-def label(point, beams):
+def label(point, beams, rule=DRIVE_RULE):
     """True, False or None (no label) for one point, both scans at the same pose."""
-    labels = held_out_labels(np.array([point]), HERE, np.array(beams), HERE)
+    labels = held_out_labels(np.array([point]), HERE, np.array(beams), HERE, rule)
     return None if len(labels.index) == 0 else bool(labels.visible[0])
 
 
-def brute_force(points_i, pose_i, points_j, pose_j):
+def brute_force(points_i, pose_i, points_j, pose_j, silhouettes):
     """The same rule in plain Python, every point against every beam; {row: visible}."""
     to_j = np.linalg.inv(pose_j) @ pose_i
     labels = {}
@@ -54,7 +55,8 @@ def brute_force(points_i, pose_i, points_j, pose_j):
         if not beside or beside[0][0] >= 0.15:
             continue
         if any(abs(length - r) < 0.15 + 0.01 * r for _, length in beside):
-            labels[row] = True
+            if silhouettes or not any(length < r - 1 for _, length in beside):
+                labels[row] = True
         elif len(beside) >= 2 and all(length < r - (1 + 0.02 * r) for _, length in beside):
             labels[row] = False
     return labels
@@ -72,7 +74,8 @@ def brute_force(points_i, pose_i, points_j, pose_j):
         (20.0, [18.59], None),  # a single one may be noise
         (20.0, [18.61, 18.61], None),
         (20.0, [18.59, 18.61], None),
-        (20.0, [5.0, 5.0, 20.1], True),  # one beam reaches it
+        (20.0, [5.0, 5.0, 20.1], None),  # one beam reaches it, at a silhouette
+        (20.0, [20.1, 35.0], True),
         (20.0, [5.0, 5.0, 30.0], None),  # one passes it
         (20.0, [30.0, 30.0], None),
         (20.0, [], None),
@@ -109,8 +112,9 @@ def test_far_beam_counts_only_within_a_quarter_degree():
 
 def test_only_the_eight_nearest_beams_count():
     eight = [at(0, 4.0, 0.01 * k) for k in range(8)]
-    assert label(at(0, 10.0), [*eight, at(0.2, 10.0)]) is False
-    assert label(at(0, 10.0), [*eight[:7], at(0.2, 10.0)]) is True
+    assert label(at(0, 10.0), [*eight, at(0.2, 10.0)], SILHOUETTES_VISIBLE) is False
+    assert label(at(0, 10.0), [*eight[:7], at(0.2, 10.0)], SILHOUETTES_VISIBLE) is True
+    assert label(at(0, 10.0), [*eight[:7], at(0.2, 10.0)]) is None
 
 
 def test_viewpoint_and_range_are_in_frame_i():
@@ -163,9 +167,10 @@ def test_labels_equal_brute_force(seed):
     world = transform(pose_j, points * rng.choice([1.0, 1.002, 0.8, 1.3], (150, 1)))
     points_i = transform(np.linalg.inv(pose_i), world + rng.normal(0, 0.01, (150, 3)))
     points_j = points[rng.random(150) < 0.7]
-    labels = held_out_labels(points_i, pose_i, points_j, pose_j)
-    expected = brute_force(points_i, pose_i, points_j, pose_j)
-    assert dict(zip(labels.index.tolist(), labels.visible.tolist(), strict=True)) == expected
+    for rule in (DRIVE_RULE, SILHOUETTES_VISIBLE):
+        labels = held_out_labels(points_i, pose_i, points_j, pose_j, rule)
+        expected = brute_force(points_i, pose_i, points_j, pose_j, rule.label_silhouettes)
+        assert dict(zip(labels.index.tolist(), labels.visible.tolist(), strict=True)) == expected
 
 
 def test_the_random_cases_give_every_label():
@@ -228,9 +233,6 @@ def test_the_rule_of_a_scanner_scales_with_its_spacing():
     ],
 )
 def test_silhouettes(beam_ranges, labelled, unlabelled):
-    point, beams = at(0, 20.0), np.array([at(0, r) for r in beam_ranges])
-    for label_silhouettes, expected in ((True, labelled), (False, unlabelled)):
-        rule = LabelRule(label_silhouettes=label_silhouettes)
-        labels = held_out_labels(point[None], HERE, beams, HERE, rule)
-        found = None if len(labels.index) == 0 else bool(labels.visible[0])
-        assert found is expected
+    point, beams = at(0, 20.0), [at(0, r) for r in beam_ranges]
+    assert label(point, beams, SILHOUETTES_VISIBLE) is labelled
+    assert label(point, beams) is unlabelled

@@ -15,6 +15,7 @@ from intervis.errors import DriveError, SettingsError
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
+    from intervis.lab.truth.held_out import LabelRule
     from intervis.lab.truth.pairs import Pairs
     from intervis.lab.truth.paper_graph import GraphScore
     from intervis.lab.truth.protocols import Protocol
@@ -60,6 +61,17 @@ def evaluate(
             " given with its pose. The known scanner's: it is given without one.",
         ),
     ] = "scene",
+    rate_hz: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="HZ", help="Frames a second of a drive without timestamps."),
+    ] = None,
+    count_silhouettes: Annotated[
+        bool,
+        typer.Option(
+            "--count-silhouettes",
+            help="Label points at silhouettes visible, as earlier results did.",
+        ),
+    ] = False,
     baselines: Annotated[
         bool, typer.Option("--rivals", help="Evaluate the baselines too, at several settings.")
     ] = False,
@@ -86,6 +98,7 @@ def evaluate(
     drive, rays cast at its known triangles give the ground truth as well. With --protocol together
     the held-out scan is that of a second scanner at the same moment.
     """
+    from intervis.lab.truth.held_out import DRIVE_RULE, SILHOUETTES_VISIBLE
     from intervis.lab.truth.protocols import TOGETHER
 
     for path in (json_file, markdown, plot):
@@ -96,7 +109,10 @@ def evaluate(
         evaluations, identity = _together(source, pairs, frame, baselines)
         graphs: dict[str, list[GraphScore]] = {}
     else:
-        evaluations, graphs, identity = _drive(source, pairs, protocol, baselines, graph)
+        rule = SILHOUETTES_VISIBLE if count_silhouettes else DRIVE_RULE
+        evaluations, graphs, identity = _drive(
+            source, pairs, protocol, baselines, graph, rule, rate_hz
+        )
     tables = _tables(evaluations, graphs, every_setting)
     for table in tables:
         show(table.as_text() + "\n")
@@ -116,7 +132,13 @@ def evaluate(
 
 
 def _drive(
-    source: str, pairs: str | None, protocol: str, baselines: bool, graph: bool
+    source: str,
+    pairs: str | None,
+    protocol: str,
+    baselines: bool,
+    graph: bool,
+    rule: "LabelRule",
+    rate_hz: float | None,
 ) -> "tuple[list[EvaluationResult], dict[str, list[GraphScore]], dict[str, Any]]":
     """The evaluations of a drive, the scores of the paper's graph, and the drive's fingerprint."""
     from intervis.lab.truth.pairs import parsed_pairs
@@ -127,7 +149,7 @@ def _drive(
     with _opened(source) as drive:
         world = _world_of(drive)
         chosen = _pairs(drive, requested, world)
-        evaluations = _evaluations(drive, chosen, world, checked, baselines)
+        evaluations = _evaluations(drive, chosen, world, checked, baselines, rule, rate_hz)
         graphs = _graphs(drive, chosen, world) if graph else {}
         return evaluations, graphs, drive.fingerprint()
 
@@ -215,6 +237,8 @@ def _evaluations(
     world: "RecordedWorld | None",
     protocol: "Protocol",
     baselines: bool,
+    rule: "LabelRule",
+    rate_hz: float | None,
 ) -> "list[EvaluationResult]":
     from intervis.lab.truth.evaluation import (
         evaluate_held_out,
@@ -233,7 +257,13 @@ def _evaluations(
         if pairs:
             found.append(
                 evaluate_held_out(
-                    drive, pairs=pairs, protocol=protocol, methods=methods, progress=advance
+                    drive,
+                    pairs=pairs,
+                    protocol=protocol,
+                    methods=methods,
+                    progress=advance,
+                    rule=rule,
+                    rate_hz=rate_hz,
                 )
             )
         if world is not None:

@@ -40,10 +40,13 @@ def evaluate_held_out(
     baselines: bool = False,
     progress: Progress | None = None,
     methods: Sequence[Method] | None = None,
+    rule: LabelRule = DRIVE_RULE,
+    rate_hz: float | None = None,
 ) -> EvaluationResult:
     """Evaluate sight lines through a drive against the returns of held-out scans.
 
-    Where the drive has timestamps, the methods are queried for the time of scan j.
+    Where the drive has timestamps, or the rate of its frames is given, the methods are queried for
+    the time of scan j. They get every return of their scans, near ones too.
 
     Parameters
     ----------
@@ -60,6 +63,10 @@ def evaluate_held_out(
         Called with a note after each method has answered a query set.
     methods : sequence of Method, optional
         The methods to evaluate, instead of the engine (and the baselines).
+    rule : LabelRule
+        How the returns of scan j label points.
+    rate_hz : float, optional
+        Frames a second, for a drive without timestamps.
 
     Returns
     -------
@@ -73,11 +80,11 @@ def evaluate_held_out(
         No poses, no such frame, a frame paired with itself, a drive that moves too little, or a
         pair without any labelled point.
     SettingsError
-        No such protocol.
+        No such protocol, or the rate is not positive.
     """
     known = checked_protocol(protocol)
     results, labels, target_count = run_methods(
-        held_out_query_sets(drive, chosen_pairs(drive, pairs), known),
+        held_out_query_sets(drive, chosen_pairs(drive, pairs), known, rule, rate_hz),
         methods or methods_for(known, baselines=baselines),
         progress or silent,
     )
@@ -241,10 +248,15 @@ def _check_frames(drive: Drive, numbers: Sequence[int]) -> None:
 
 
 def held_out_query_sets(
-    drive: Drive, pairs: Pairs, protocol: Protocol, rule: LabelRule = DRIVE_RULE
+    drive: Drive,
+    pairs: Pairs,
+    protocol: Protocol,
+    rule: LabelRule = DRIVE_RULE,
+    rate_hz: float | None = None,
 ) -> QuerySets:
     """One query set for each pair of frames (i, j); see `evaluate_held_out`."""
     poses, scan_of = _poses(drive), _cached_scans(drive)
+    times_ns = drive.timestamps_ns or _times_at_rate(drive.frame_numbers, rate_hz)
     for i, j in pairs:
         labels = held_out_labels(scan_of(i), poses[i], scan_of(j), poses[j], rule)
         if len(labels.index) == 0:
@@ -258,7 +270,7 @@ def held_out_query_sets(
         dynamic = dynamic_lines(viewpoint, targets, scan_of(i), poses[i], scan_of(j), poses[j])
         yield QuerySet(
             f"{i}:{j}",
-            _input_scans(drive, numbers, poses, scan_of, i, j),
+            _input_scans(times_ns, numbers, poses, scan_of, i, j),
             viewpoint,
             targets,
             labels.visible,
@@ -310,12 +322,12 @@ def world_query_sets(
             "map": tuple(sorted(poses)),
         }[protocol]
         nearest = _nearest(allowed, poses, poses[number], number)
-        inputs = _input_scans(drive, nearest, poses, scan_of, number, number)
+        inputs = _input_scans(drive.timestamps_ns, nearest, poses, scan_of, number, number)
         yield from exact_query_sets(inputs, RayCaster(triangles_at(number)), sampling)
 
 
 def _input_scans(
-    drive: Drive,
+    timestamps_ns: Mapping[int, int],
     numbers: Sequence[int],
     poses: Mapping[int, Float64Array],
     scan_of: Callable[[int], Float32Array],
@@ -328,8 +340,17 @@ def _input_scans(
         tuple(poses[number] for number in numbers),
         i,
         j,
-        _seconds_since(drive.timestamps_ns, numbers, j),
+        _seconds_since(timestamps_ns, numbers, j),
     )
+
+
+def _times_at_rate(numbers: Sequence[int], rate_hz: float | None) -> dict[int, int]:
+    """Timestamps of frames at a constant rate, nanoseconds; none without a rate."""
+    if rate_hz is None:
+        return {}
+    if not (np.isfinite(rate_hz) and rate_hz > 0):
+        raise SettingsError(f"the rate must be positive, in frames a second, got {rate_hz}.")
+    return {number: round(1e9 * number / rate_hz) for number in numbers}
 
 
 def _seconds_since(

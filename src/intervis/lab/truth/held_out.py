@@ -67,8 +67,10 @@ class LabelRule:
     label_silhouettes: bool = False
 
 
-DRIVE_RULE = LabelRule(label_silhouettes=True)
+DRIVE_RULE = LabelRule()
 """The rule for two scans of one vehicle."""
+SILHOUETTES_VISIBLE = LabelRule(label_silhouettes=True)
+"""The same with silhouettes labelled visible: the rule of results up to schema 2."""
 
 
 def beam_spacing_deg(points: FloatArray) -> float:
@@ -148,7 +150,7 @@ def held_out_labels(
     of its direction are compared with it, at most the eight nearest. The nearest must be within
     0.15 degrees; otherwise the point has no label.
 
-    - visible: one of them has ``abs(range - r) < 0.15 + 0.01 r``;
+    - visible: one of them has ``abs(range - r) < 0.15 + 0.01 r``, and none ``range < r - 1``;
     - occluded: there are at least two, and all have ``range < r - (1 + 0.02 r)``;
     - all other points have no label, nor points with ``r`` outside 2.7 to 75 m.
 
