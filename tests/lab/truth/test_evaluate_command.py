@@ -73,6 +73,11 @@ def test_table_and_json(drive, known_methods, tmp_path, capsys):
     assert content["schema"] == evaluation["schema"] == 3
 
 
+def test_random_points_in_space(drive, known_methods, capsys):
+    command(drive, "--pairs", "0:5", "--targets", "space")
+    assert "held-out returns, random points in space, protocol single" in capsys.readouterr().out
+
+
 def test_without_baselines_there_is_the_engine_only(drive, known_methods, capsys):
     command(drive, "--pairs", "0:5", "--protocol", "map")
     shown = capsys.readouterr().out
@@ -128,6 +133,8 @@ def test_a_short_simulated_drive_is_compared_with_its_world_only(known_methods, 
         (["--pairs", "0:77"], DriveError, "no frame 77"),
         (["--pairs", "2:2"], DriveError, "own reference"),
         (["--protocol", "all"], SettingsError, "single, past, map"),
+        (["--targets", "anywhere"], SettingsError, "returns, space"),
+        (["--protocol", "together", "--targets", "all"], SettingsError, "returns, space"),
         (["--rate", "0"], SettingsError, "rate must be positive"),
         (["--protocol", "together", "--graph"], SettingsError, "needs a drive"),
         (["--protocol", "together", "--frame", "world"], SettingsError, "scene, scanner"),

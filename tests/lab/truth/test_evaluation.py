@@ -14,15 +14,15 @@ from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.evaluation import (
     _seconds_since,
     evaluate_held_out,
-    evaluate_together,
     evaluate_world,
-    together_query_sets,
 )
 from intervis.lab.truth.exact_world import Sampling
+from intervis.lab.truth.labelled_targets import HeldOutSettings
 from intervis.lab.truth.methods import Method, Predictions, baseline_methods
 from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.truth.results import EvaluationResult, MethodResult
 from intervis.lab.truth.scanner_set import Scanner, ScannerSet
+from intervis.lab.truth.together import evaluate_together, together_query_sets
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import rigid, transform
 
@@ -172,15 +172,34 @@ def test_times_follow_from_the_rate(drive):
         return np.ones(len(targets))
 
     for rate_hz in (None, 4.0):
+        settings = HeldOutSettings(rate_hz=rate_hz)
         evaluate_held_out(
-            drive, pairs=((8, 12),), methods=[method("record", record)], rate_hz=rate_hz
+            drive, pairs=((8, 12),), methods=[method("record", record)], settings=settings
         )
     assert given == [None, (-1.0,)]
     for rate_hz in (0.0, -10.0, np.inf, np.nan):
         with pytest.raises(SettingsError, match="rate"):
-            evaluate_held_out(
-                drive, pairs=((8, 12),), methods=[method("record", record)], rate_hz=rate_hz
-            )
+            HeldOutSettings(rate_hz=rate_hz)
+
+
+def test_random_points_in_space(drive):
+    methods = [method("ray caster", ray_caster_in_space)]
+    settings = HeldOutSettings(targets="space")
+    evaluation = evaluate_held_out(drive, pairs=((0, 14),), methods=methods, settings=settings)
+    assert evaluation.ground_truth == "held-out returns, random points in space"
+    assert evaluation.results[0].mean.mcc > 0.98
+    assert evaluation.target_count > 1000
+    together = evaluate_together(two_scanners(), methods=methods, targets="space")
+    assert together.ground_truth.endswith(", random points in space")
+    assert [scores.mcc > 0.98 for scores in together.results[0].scores] == [True, True]
+    with pytest.raises(SettingsError, match="returns, space"):
+        HeldOutSettings(targets="anywhere")
+    with pytest.raises(SettingsError, match="returns, space"):
+        evaluate_together(two_scanners(), methods=methods, targets="anywhere")
+
+
+def ray_caster_in_space(inputs, viewpoint, targets):
+    return 1.0 - RayCaster(YARD).blocked(viewpoint, targets)
 
 
 def test_near_returns_are_kept_for_the_methods(drive):

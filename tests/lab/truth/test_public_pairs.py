@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from intervis import open_drive
-from intervis.lab.truth.evaluation import evaluate_held_out, evaluate_together
+from intervis.lab.truth.evaluation import evaluate_held_out
 from intervis.lab.truth.held_out import DRIVE_RULE, SILHOUETTES_VISIBLE, held_out_labels
+from intervis.lab.truth.labelled_targets import HeldOutSettings
 from intervis.lab.truth.methods import baseline_methods
 from intervis.lab.truth.scanner_set import read_scanners
 from intervis.lab.truth.scores import score
+from intervis.lab.truth.together import evaluate_together
 
 PAIRS = ((0, 5), (0, 10), (0, 20), (10, 2), (5, 21), (20, 5))
 
@@ -32,7 +34,9 @@ def mean_mcc(drive, name, setting):
         for method in baseline_methods(several_scans=False)
         if method.name == name and method.setting == setting
     ]
-    evaluation = evaluate_held_out(drive, pairs=PAIRS, methods=[method], rule=SILHOUETTES_VISIBLE)
+    evaluation = evaluate_held_out(
+        drive, pairs=PAIRS, methods=[method], settings=HeldOutSettings(rule=SILHOUETTES_VISIBLE)
+    )
     return evaluation.result_of(name).mean.mcc
 
 
@@ -83,10 +87,14 @@ def test_depth_buffer(drive):
 
 def test_the_engine_reaches_its_documented_scores(drive):
     """Scores of docs/accuracy.md that reach their goals."""
-    single = evaluate_held_out(drive, pairs=PAIRS, rate_hz=10.0).result_of()
+    single = evaluate_held_out(
+        drive, pairs=PAIRS, settings=HeldOutSettings(rate_hz=10.0)
+    ).result_of()
     assert single.mean.mcc > 0.57
     assert single.mean_of("static").mcc_answered > 0.90
-    mapped = evaluate_held_out(drive, pairs=PAIRS, protocol="map", rate_hz=10.0).result_of()
+    mapped = evaluate_held_out(
+        drive, pairs=PAIRS, protocol="map", settings=HeldOutSettings(rate_hz=10.0)
+    ).result_of()
     assert mapped.mean.mcc > 0.84
     assert mapped.mean.auc > 0.95
     assert mapped.mean.brier < 0.06

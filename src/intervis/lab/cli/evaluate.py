@@ -15,7 +15,7 @@ from intervis.errors import DriveError, SettingsError
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
-    from intervis.lab.truth.held_out import LabelRule
+    from intervis.lab.truth.labelled_targets import HeldOutSettings
     from intervis.lab.truth.pairs import Pairs
     from intervis.lab.truth.paper_graph import GraphScore
     from intervis.lab.truth.protocols import Protocol
@@ -61,6 +61,14 @@ def evaluate(
             " given with its pose. The known scanner's: it is given without one.",
         ),
     ] = "scene",
+    targets: Annotated[
+        str,
+        typer.Option(
+            metavar="returns|space",
+            help="What a reference scan judges: points of scan I, or random points in its field of"
+            " view.",
+        ),
+    ] = "returns",
     rate_hz: Annotated[
         float | None,
         typer.Option("--rate", metavar="HZ", help="Frames a second of a drive without timestamps."),
@@ -99,6 +107,7 @@ def evaluate(
     the held-out scan is that of a second scanner at the same moment.
     """
     from intervis.lab.truth.held_out import DRIVE_RULE, SILHOUETTES_VISIBLE
+    from intervis.lab.truth.labelled_targets import HeldOutSettings
     from intervis.lab.truth.protocols import TOGETHER
 
     for path in (json_file, markdown, plot):
@@ -106,13 +115,12 @@ def evaluate(
     if protocol == TOGETHER:
         if graph:
             raise SettingsError("--graph needs a drive; leave it out with --protocol together.")
-        evaluations, identity = _together(source, pairs, frame, baselines)
+        evaluations, identity = _together(source, pairs, frame, targets, baselines)
         graphs: dict[str, list[GraphScore]] = {}
     else:
         rule = SILHOUETTES_VISIBLE if count_silhouettes else DRIVE_RULE
-        evaluations, graphs, identity = _drive(
-            source, pairs, protocol, baselines, graph, rule, rate_hz
-        )
+        settings = HeldOutSettings(targets, rule, rate_hz)
+        evaluations, graphs, identity = _drive(source, pairs, protocol, baselines, graph, settings)
     tables = _tables(evaluations, graphs, every_setting)
     for table in tables:
         show(table.as_text() + "\n")
@@ -137,8 +145,7 @@ def _drive(
     protocol: str,
     baselines: bool,
     graph: bool,
-    rule: "LabelRule",
-    rate_hz: float | None,
+    settings: "HeldOutSettings",
 ) -> "tuple[list[EvaluationResult], dict[str, list[GraphScore]], dict[str, Any]]":
     """The evaluations of a drive, the scores of the paper's graph, and the drive's fingerprint."""
     from intervis.lab.truth.pairs import parsed_pairs
@@ -149,22 +156,26 @@ def _drive(
     with _opened(source) as drive:
         world = _world_of(drive)
         chosen = _pairs(drive, requested, world)
-        evaluations = _evaluations(drive, chosen, world, checked, baselines, rule, rate_hz)
+        evaluations = _evaluations(drive, chosen, world, checked, baselines, settings)
         graphs = _graphs(drive, chosen, world) if graph else {}
         return evaluations, graphs, drive.fingerprint()
 
 
 def _together(
-    source: str, pairs: str | None, frame: str, baselines: bool
+    source: str, pairs: str | None, frame: str, targets: str, baselines: bool
 ) -> "tuple[list[EvaluationResult], dict[str, Any]]":
     """The evaluation of several scanners of one moment, and their fingerprint."""
-    from intervis.lab.truth.evaluation import checked_frame, evaluate_together, methods_for
+    from intervis.lab.truth.evaluation import methods_for
+    from intervis.lab.truth.labelled_targets import checked_targets
+    from intervis.lab.truth.together import checked_frame, evaluate_together
 
-    checked = checked_frame(frame)
+    checked, kind = checked_frame(frame), checked_targets(targets)
     scanners = _scanners(source, pairs)
     methods = methods_for("single", baselines=baselines)
     with progress("answers", len(scanners.pairs) * len(methods)) as advance:
-        result = evaluate_together(scanners, frame=checked, methods=methods, progress=advance)
+        result = evaluate_together(
+            scanners, frame=checked, targets=kind, methods=methods, progress=advance
+        )
     return [result], scanners.fingerprint()
 
 
@@ -237,8 +248,7 @@ def _evaluations(
     world: "RecordedWorld | None",
     protocol: "Protocol",
     baselines: bool,
-    rule: "LabelRule",
-    rate_hz: float | None,
+    settings: "HeldOutSettings",
 ) -> "list[EvaluationResult]":
     from intervis.lab.truth.evaluation import (
         evaluate_held_out,
@@ -262,8 +272,7 @@ def _evaluations(
                     protocol=protocol,
                     methods=methods,
                     progress=advance,
-                    rule=rule,
-                    rate_hz=rate_hz,
+                    settings=settings,
                 )
             )
         if world is not None:

@@ -1,35 +1,31 @@
-"""Evaluations: labels from held-out returns, a second scanner, or a simulated world's triangles."""
+"""Evaluation of a drive, against held-out returns or the triangles of its simulated world."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import Literal, get_args
-
-import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array
 from intervis.drives import Drive
-from intervis.errors import DriveError, SettingsError
+from intervis.errors import DriveError
 from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.dynamic import dynamic_lines
 from intervis.lab.truth.exact_world import Sampling, exact_query_sets
-from intervis.lab.truth.held_out import DRIVE_RULE, LabelRule, held_out_labels, rule_for_scanner
+from intervis.lab.truth.labelled_targets import (
+    HELD_OUT,
+    HeldOutSettings,
+    labelled_targets,
+    targets_suffix,
+)
 from intervis.lab.truth.methods import Method, baseline_methods, engine
 from intervis.lab.truth.pairs import Pairs, checked_poses, default_pairs
 from intervis.lab.truth.protocols import Protocol, checked_protocol, distance_m, input_frames
 from intervis.lab.truth.query_set import QuerySet, QuerySets
 from intervis.lab.truth.results import EvaluationResult, run_methods
-from intervis.lab.truth.scanner_set import ScannerSet
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.progress import Progress, silent
-from intervis.transform import inverse, transform
 
 MAX_SCANS = 40
 """A method gets at most so many scans: those whose poses are nearest to the viewpoint."""
 SCAN_CACHE_SIZE = 64
-
-QueryFrame = Literal["scene", "scanner"]
-QUERY_FRAMES: tuple[QueryFrame, ...] = get_args(QueryFrame)
-"""Frames in which scanners of one moment are queried, see `evaluate_together`."""
 
 
 def evaluate_held_out(
@@ -40,8 +36,7 @@ def evaluate_held_out(
     baselines: bool = False,
     progress: Progress | None = None,
     methods: Sequence[Method] | None = None,
-    rule: LabelRule = DRIVE_RULE,
-    rate_hz: float | None = None,
+    settings: HeldOutSettings = HELD_OUT,
 ) -> EvaluationResult:
     """Evaluate sight lines through a drive against the returns of held-out scans.
 
@@ -63,10 +58,8 @@ def evaluate_held_out(
         Called with a note after each method has answered a query set.
     methods : sequence of Method, optional
         The methods to evaluate, instead of the engine (and the baselines).
-    rule : LabelRule
-        How the returns of scan j label points.
-    rate_hz : float, optional
-        Frames a second, for a drive without timestamps.
+    settings : HeldOutSettings
+        Targets, labels, and the rate of a drive without timestamps.
 
     Returns
     -------
@@ -80,15 +73,16 @@ def evaluate_held_out(
         No poses, no such frame, a frame paired with itself, a drive that moves too little, or a
         pair without any labelled point.
     SettingsError
-        No such protocol, or the rate is not positive.
+        No such protocol.
     """
     known = checked_protocol(protocol)
     results, labels, target_count = run_methods(
-        held_out_query_sets(drive, chosen_pairs(drive, pairs), known, rule, rate_hz),
+        held_out_query_sets(drive, chosen_pairs(drive, pairs), known, settings),
         methods or methods_for(known, baselines=baselines),
         progress or silent,
     )
-    return EvaluationResult(drive.name, "held-out returns", known, labels, target_count, results)
+    ground_truth = "held-out returns" + targets_suffix(settings.targets)
+    return EvaluationResult(drive.name, ground_truth, known, labels, target_count, results)
 
 
 def evaluate_world(
@@ -144,60 +138,6 @@ def evaluate_world(
     return EvaluationResult(drive.name, ground_truth, known, labels, target_count, results)
 
 
-def evaluate_together(
-    scanners: ScannerSet,
-    *,
-    frame: str = "scene",
-    baselines: bool = False,
-    progress: Progress | None = None,
-    methods: Sequence[Method] | None = None,
-) -> EvaluationResult:
-    """Evaluate sight lines through the scan of one scanner against a second one of the same moment.
-
-    The methods get the scan of the known scanner. The viewpoint is the place of the reference
-    scanner, whose returns are hidden and give the labels (`rule_for_scanner`). Nothing moved
-    between the two, and no pose drifted.
-
-    Parameters
-    ----------
-    scanners : ScannerSet
-        With the pairs to evaluate.
-    frame : {"scene", "scanner"}
-        Frame of the queries. ``scene``: the scan is added with its pose. ``scanner``: the frame of
-        the known scanner, with the identity as its pose, so that a method is not told the tilt.
-    baselines, progress, methods
-        As in `evaluate_held_out`.
-
-    Raises
-    ------
-    DriveError
-        A pair without any labelled point.
-    SettingsError
-        No such frame.
-    """
-    results, labels, target_count = run_methods(
-        together_query_sets(scanners, checked_frame(frame)),
-        methods or methods_for("single", baselines=baselines),
-        progress or silent,
-    )
-    ground_truth = f"a second scanner, queries in the frame of the {frame}"
-    return EvaluationResult(scanners.name, ground_truth, "together", labels, target_count, results)
-
-
-def checked_frame(name: str) -> QueryFrame:
-    """The frame of the queries.
-
-    Raises
-    ------
-    SettingsError
-        There is no such frame.
-    """
-    for frame in QUERY_FRAMES:
-        if name == frame:
-            return frame
-    raise SettingsError(f"there is no frame {name!r}; choose one of {', '.join(QUERY_FRAMES)}.")
-
-
 def methods_for(protocol: Protocol, *, baselines: bool) -> list[Method]:
     """The methods to evaluate under a protocol: the engine first."""
     return [engine(), *(baseline_methods(several_scans=protocol != "single") if baselines else [])]
@@ -251,58 +191,30 @@ def held_out_query_sets(
     drive: Drive,
     pairs: Pairs,
     protocol: Protocol,
-    rule: LabelRule = DRIVE_RULE,
-    rate_hz: float | None = None,
+    settings: HeldOutSettings = HELD_OUT,
 ) -> QuerySets:
     """One query set for each pair of frames (i, j); see `evaluate_held_out`."""
     poses, scan_of = _poses(drive), _cached_scans(drive)
-    times_ns = drive.timestamps_ns or _times_at_rate(drive.frame_numbers, rate_hz)
+    timestamps_ns = settings.timestamps_ns(drive)
     for i, j in pairs:
-        labels = held_out_labels(scan_of(i), poses[i], scan_of(j), poses[j], rule)
-        if len(labels.index) == 0:
+        targets, visible = labelled_targets(
+            settings.targets, (scan_of(i), poses[i]), (scan_of(j), poses[j]), settings.rule, (i, j)
+        )
+        if len(targets) == 0:
             raise DriveError(
                 f"scan {j} gives no label for any point of scan {i}: choose frames that see the"
                 " same place."
             )
         numbers = _nearest(input_frames(protocol, poses, i, j), poses, poses[j], i)
         viewpoint = poses[j][:3, 3].copy()
-        targets = transform(poses[i], scan_of(i)[labels.index])
         dynamic = dynamic_lines(viewpoint, targets, scan_of(i), poses[i], scan_of(j), poses[j])
         yield QuerySet(
             f"{i}:{j}",
-            _input_scans(times_ns, numbers, poses, scan_of, i, j),
+            _input_scans(timestamps_ns, numbers, poses, scan_of, i, j),
             viewpoint,
             targets,
-            labels.visible,
+            visible,
             {"static": ~dynamic, "dynamic": dynamic},
-        )
-
-
-def together_query_sets(scanners: ScannerSet, frame: QueryFrame = "scene") -> QuerySets:
-    """One query set for each pair of scanners; see `evaluate_together`."""
-    for names in scanners.pairs:
-        known, reference = (scanners.scanner(name) for name in names)
-        rule = rule_for_scanner(reference.points)
-        labels = held_out_labels(known.points, known.pose, reference.points, reference.pose, rule)
-        if len(labels.index) == 0:
-            raise DriveError(
-                f"scanner {reference.name} gives no label for any point of scanner {known.name}:"
-                " check the poses, and choose scanners that see the same place."
-            )
-        query_from_scanner = known.pose if frame == "scene" else np.eye(4)
-        query_from_scene = query_from_scanner @ inverse(known.pose)
-        yield QuerySet(
-            ":".join(names),
-            InputScans(
-                (scanners.index(known.name),),
-                (known.points,),
-                (query_from_scanner,),
-                scanners.index(known.name),
-                scanners.index(reference.name),
-            ),
-            transform(query_from_scene, reference.pose[:3, 3]),
-            transform(query_from_scanner, known.points[labels.index]),
-            labels.visible,
         )
 
 
@@ -342,15 +254,6 @@ def _input_scans(
         j,
         _seconds_since(timestamps_ns, numbers, j),
     )
-
-
-def _times_at_rate(numbers: Sequence[int], rate_hz: float | None) -> dict[int, int]:
-    """Timestamps of frames at a constant rate, nanoseconds; none without a rate."""
-    if rate_hz is None:
-        return {}
-    if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise SettingsError(f"the rate must be positive, in frames a second, got {rate_hz}.")
-    return {number: round(1e9 * number / rate_hz) for number in numbers}
 
 
 def _seconds_since(
