@@ -67,7 +67,7 @@ def test_table_and_json(drive, known_methods, tmp_path, capsys):
     assert constant["mean"]["mcc"] == 0.0
     assert constant["mean"]["precision_occluded"] is None
     assert f"{engine['mean']['mcc']:.3f}" in shown
-    assert "yard: risk and coverage, protocol single" in shown
+    assert "yard: risk and coverage, held-out returns, protocol single" in shown
     assert f"{constant['mean']['aurc']:.4f}" in shown
     assert constant["mean"]["aurc"] == pytest.approx(1 - constant["mean"]["visible_fraction"])
     assert content["schema"] == evaluation["schema"] == 3

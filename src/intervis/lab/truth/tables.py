@@ -101,7 +101,10 @@ def risk_table(evaluation: "EvaluationResult", *, every_setting: bool = False) -
         cells += [
             (f"{_name(result)}, {subset}", *_risks(result.mean_of(subset))) for result in results
         ]
-    title = f"{evaluation.source}: risk and coverage, protocol {evaluation.protocol}"
+    title = (
+        f"{evaluation.source}: risk and coverage, {evaluation.ground_truth}, protocol"
+        f" {evaluation.protocol}"
+    )
     return Table(title, ("method", *RISK_HEADINGS), tuple(cells), (RISK_NOTE,))
 
 
@@ -119,7 +122,8 @@ def viewpoint_table(evaluation: "EvaluationResult", *, every_method: bool = Fals
                 (f"{label}, {_name(result)}", *_scores(result.scores[place]))
                 for result in evaluation.best_settings(label)[1:]
             ]
-    return Table(f"{engine.method}, each viewpoint", ("viewpoint", *SCORE_HEADINGS), tuple(cells))
+    methods = "all methods" if every_method else engine.method
+    return Table(f"{methods}, each viewpoint", ("viewpoint", *SCORE_HEADINGS), tuple(cells))
 
 
 def graph_table(ground_truth: str, scores: "Sequence[GraphScore]") -> Table:
