@@ -17,11 +17,13 @@ from intervis.lab.truth.evaluation import (
     evaluate_world,
 )
 from intervis.lab.truth.exact_world import Sampling
+from intervis.lab.truth.held_out import held_out_labels, rule_for_scanner
 from intervis.lab.truth.labelled_targets import HeldOutSettings
 from intervis.lab.truth.methods import Method, Predictions, baseline_methods
 from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.truth.results import EvaluationResult, MethodResult
 from intervis.lab.truth.scanner_set import Scanner, ScannerSet
+from intervis.lab.truth.tables import viewpoint_table
 from intervis.lab.truth.together import evaluate_together, together_query_sets
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.transform import rigid, transform
@@ -343,6 +345,18 @@ def test_the_known_scanner_may_be_the_frame_of_the_queries():
     assert in_scene.inputs.scans[0] is scanners.scanner("tilted").points
 
 
+def test_labels_follow_the_spacing_of_the_reference_scanner():
+    scanners = two_scanners((("upright", "tilted"),))
+    upright, tilted = scanners.scanners
+    coarse = replace(tilted, points=tilted.points[::4])
+    (query_set,) = together_query_sets(replace(scanners, scanners=(upright, coarse)))
+    rule = rule_for_scanner(coarse.points)
+    assert rule.nearest_angle_deg > 1.2 * rule_for_scanner(upright.points).nearest_angle_deg
+    labels = held_out_labels(upright.points, upright.pose, coarse.points, coarse.pose, rule)
+    assert len(query_set.visible) == len(labels.index) > 500
+    np.testing.assert_array_equal(query_set.visible, labels.visible)
+
+
 def test_wrong_requests_of_scanners():
     with pytest.raises(SettingsError, match="scene, scanner"):
         evaluate_together(two_scanners(), frame="world", methods=[method("x", ray_caster)])
@@ -354,16 +368,19 @@ def test_wrong_requests_of_scanners():
 
 
 def test_the_best_setting_of_one_query_set():
-    results = []
-    for setting, scored in (("a", [0.9, 0.1]), ("b", [0.1, 0.8])):
-        result = MethodResult("method", setting)
+    results = [MethodResult("engine", "default")]
+    for setting, scored in (("default", [0.9, 0.9]), ("a", [0.9, 0.1]), ("b", [0.1, 0.8])):
+        result = results[0] if setting == "default" else MethodResult("method", setting)
         for number, probability in enumerate(scored):
             labels = np.array([True, False])
             inputs = InputScans((), (), (), 0, 1)
             query_set = QuerySet(f"{number}", inputs, np.zeros(3), np.ones((2, 3)), labels)
             answer = np.array([probability, 0.2])
             result.add(query_set, Predictions(answer, None, 0.0, 0.0))
-        results.append(result)
+        results += [] if result is results[0] else [result]
     evaluation = EvaluationResult("drive", "truth", "single", ("0", "1"), 4, tuple(results))
-    assert [result.setting for result in evaluation.best_settings("0")] == ["a"]
-    assert [result.setting for result in evaluation.best_settings("1")] == ["b"]
+    assert [result.setting for result in evaluation.best_settings("0")] == ["default", "a"]
+    assert [result.setting for result in evaluation.best_settings("1")] == ["default", "b"]
+    shown = [row[0] for row in viewpoint_table(evaluation, every_method=True).rows]
+    assert shown == ["0", "0, method (a)", "1", "1, method (b)"]
+    assert [row[0] for row in viewpoint_table(evaluation).rows] == ["0", "1"]

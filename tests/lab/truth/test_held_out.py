@@ -209,6 +209,14 @@ def test_beam_spacing_is_the_fourth_nearest_angle(azimuth_step, elevation_step, 
     assert beam_spacing_deg(with_others) == pytest.approx(fourth, rel=0.02)
 
 
+def test_beam_spacing_by_all_angles(rng):
+    unit = np.array([at(a, 1.0, e) for a, e in rng.uniform(-4, 4, (61, 2))])
+    angles = np.degrees(np.arccos(np.clip(unit @ unit.T, -1, 1)))
+    np.fill_diagonal(angles, np.inf)
+    fourth = np.sort(angles, axis=1)[:, 3]
+    assert beam_spacing_deg(unit) == pytest.approx(np.median(fourth))
+
+
 def test_spacing_of_few_returns_is_undefined():
     assert np.isnan(beam_spacing_deg(np.empty((0, 3))))
     assert np.isnan(beam_spacing_deg(np.array([at(0, 5.0), at(1, 5.0)])))
