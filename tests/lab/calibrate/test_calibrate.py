@@ -52,7 +52,7 @@ def queries():
         scene.add(wall_scan(12.0 - 0.8 * number, rng), pose, 0.1 * number)
     starts = rng.uniform([2, -4, -1.2], [6, 4, 1.0], (120, 3))
     ends = rng.uniform([8, -6, -1.5], [25, 6, 2.0], (120, 3))
-    return QueryLines("made", scene._packed(0.12), starts, ends, rng.random(120) < 0.5)
+    return QueryLines("made", scene.packed_scans(0.12), starts, ends, rng.random(120) < 0.5)
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ def query_lines(query_set: QuerySet, count: int, rng: np.random.Generator) -> Qu
     rows = np.sort(rng.permutation(usable)[:count])
     return QueryLines(
         query_set.label,
-        scene._packed(None if inputs.timestamps_s is None else 0.0),
+        scene.packed_scans(None if inputs.timestamps_s is None else 0.0),
         np.broadcast_to(query_set.viewpoint, (len(rows), 3)).copy(),
         query_set.targets[rows],
         query_set.visible[rows],
