@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from math import isnan
 
 from intervis.lab.paper import printed_values
-from intervis.lab.paper.claims import Claim, identity_residuals
+from intervis.lab.paper.claims import Claim
 from intervis.lab.paper.curve import CurvePoint
+from intervis.lab.paper.differences import identity_residuals
 from intervis.lab.paper.experiment import FrameExperiment, agreement
 from intervis.lab.paper.interpretations import (
     GATE_ONLY,
