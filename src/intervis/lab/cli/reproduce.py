@@ -88,6 +88,7 @@ def interpretations(
     """Compare every interpretation of the paper's open choices with its Table 2 (minutes)."""
     from intervis.drives import open_drive
     from intervis.lab.paper.curve import tpi_curve
+    from intervis.lab.paper.interpretation_tables import choices_table
     from intervis.lab.paper.interpretations import (
         compare_interpretations,
         consecutive_frames,
@@ -96,7 +97,6 @@ def interpretations(
         spread_frames,
     )
     from intervis.lab.paper.report import make_folders, write_interpretations
-    from intervis.lab.paper.tables import choices_table
     from intervis.settings import Settings
 
     drives = [open_drive(source) for source in sources]
