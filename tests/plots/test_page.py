@@ -2,35 +2,17 @@
 
 import base64
 import re
-from html.parser import HTMLParser
 
 import pytest
 
 from intervis.plots.page import Page, Picture
 from intervis.plots.tables import Table
+from parsed_page import Parsed
 
 EVIL = "<script>alert('x')</script> & \"more\""
 PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
 )
-
-
-class Parsed(HTMLParser):
-    """Tags, their attributes, and all text."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.attributes: list[tuple[str, str | None]] = []
-        self.text = ""
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-
-    def handle_data(self, data):
-        self.text += data
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """The report of a run: files, pictures and texts of the page."""
 
 import dataclasses
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -10,27 +9,10 @@ from intervis.errors import OutputError, ScanError
 from intervis.run import run_drive
 from intervis.run.report import report_run, report_steps
 from intervis.settings import Settings
+from parsed_page import Parsed
 from small_drive import MemoryDrive
 
 EVIL = "<script>alert('x')</script> & \"more\""
-
-
-class Parsed(HTMLParser):
-    """Tags, their attributes, and all text."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.attributes: list[tuple[str, str | None]] = []
-        self.text = ""
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-
-    def handle_data(self, data):
-        self.text += data
 
 
 def report_of(tmp_path: Path, **options):

@@ -56,7 +56,7 @@ def test_a_car_that_drives_past_stands_between_its_places(first_x, last_x):
     sight = scene.sight(viewpoint, targets)
     assert ((sight.probability >= 0.5) == truth).mean() > 0.8
     ends = np.broadcast_to(viewpoint, targets.shape), targets
-    still = sum_lines(scene._packed(), *ends, STATIC)
+    still = sum_lines(scene.packed_scans(), *ends, STATIC)
     wrong = (sight.probability >= 0.5) != truth
     assert wrong.sum() < 0.5 * ((transmittance(still) >= 0.5) != truth).sum()
 
@@ -84,8 +84,8 @@ def test_the_gap_between_parked_cars_stays_as_open_as_each_scan_left_it():
         scene.add(street_scan(pose, boxes=boxes), pose)
     viewpoint, targets = lines_through(3.0, np.linspace(-2.0, 8.0, 101))
     ends = np.broadcast_to(viewpoint, targets.shape), targets
-    followed = sum_lines(scene._packed(), *ends)
-    still = sum_lines(scene._packed(), *ends, STATIC)
+    followed = sum_lines(scene.packed_scans(), *ends)
+    still = sum_lines(scene.packed_scans(), *ends, STATIC)
     assert (transmittance(followed) > transmittance(still) - 0.1).all()
 
 
@@ -96,7 +96,7 @@ def test_engine_is_the_reference_where_something_moved(first_x, last_x, seed):
     rng = np.random.default_rng(seed)
     a = rng.uniform([-4, -2, -1.2], [10, 2, 0.5], (30, 3))
     b = rng.uniform([-12, 6, -1.4], [18, 11.9, 0.5], (30, 3))
-    scans = scene._packed()
+    scans = scene.packed_scans()
     sums = sum_lines(scans, a, b)
     back = sum_lines(scans, b, a)
     for i in range(len(a)):

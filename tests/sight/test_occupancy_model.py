@@ -121,5 +121,9 @@ def test_states_follow_their_definition_near_every_threshold(rng):
             p,
         )
         assert found == expected
+        possible = model.may_be_visible(
+            v["surface"], v["unobserved"], unobserved_m, v["occluded_space_m"], length_m
+        )
+        assert (possible and v["probability"] >= 0.85) == visible
         seen.add(expected)
     assert seen == {-1, 0, 1}

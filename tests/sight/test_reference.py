@@ -46,7 +46,7 @@ def random_lines(rng: np.random.Generator, count: int):
 
 
 def compare(scene: Scene, a, b, moment_s=None) -> None:
-    scans = scene._packed(moment_s)
+    scans = scene.packed_scans(moment_s)
     sums = sum_lines(scans, a, b)
     results = [reference_result(scans, p, q) for p, q in zip(a, b, strict=True)]
     for name in ("free", "unobserved", "surface", "unobserved_m", "occluded_space_m", "time_gap_s"):
@@ -71,7 +71,7 @@ def test_states_are_the_references(scene, rng):
     a, b = random_lines(rng, 400)
     for moment_s in (None, 0.55):
         sight = scene.sight_lines(a, b, moment_s=moment_s)
-        scans = scene._packed(moment_s)
+        scans = scene.packed_scans(moment_s)
         results = [reference_result(scans, p, q) for p, q in zip(a, b, strict=True)]
         states = [result.state for result in results]
         assert sight.state.tolist() == states
@@ -83,7 +83,7 @@ def test_states_are_the_references(scene, rng):
 def test_one_scans_answers_are_the_references(rng):
     alone = Scene.from_scan(street_scan(turned(0.0, 0.0, 0.0), seed=3))
     a, b = random_lines(rng, 300)
-    results = [reference_result(alone._packed(), p, q) for p, q in zip(a, b, strict=True)]
+    results = [reference_result(alone.packed_scans(), p, q) for p, q in zip(a, b, strict=True)]
     sight = alone.sight_lines(a, b)
     assert sight.state.tolist() == [result.state for result in results]
     probability = [result.probability for result in results]
@@ -106,7 +106,7 @@ def expected_occluder(scans, a, b):
 
 @pytest.mark.parametrize("moment_s", [None, 0.33])
 def test_the_occluding_sample_and_its_scan_are_the_references(scene, rng, moment_s):
-    scans = scene._packed(moment_s)
+    scans = scene.packed_scans(moment_s)
     a, b = random_lines(rng, 2000)
     sums = sum_lines(scans, a, b)
     checked = dynamic = 0
@@ -132,7 +132,7 @@ def test_the_occluding_sample_and_its_scan_are_the_references(scene, rng, moment
 
 def test_depths_agree_at_the_seam_of_the_range_image(rng):
     """Azimuth 0 and a full turn meet on the x axis: -1e-18 rounds to a full turn."""
-    scans = Scene.from_scan(street_scan(turned(0.0, 0.0, 0.0), seed=3))._packed()
+    scans = Scene.from_scan(street_scan(turned(0.0, 0.0, 0.0), seed=3)).packed_scans()
     x, z = rng.uniform(1.0, 40.0, 400), rng.uniform(-2.0, 0.3, 400)
     points = np.stack([x, rng.choice([-1e-18, 0.0, -1e-300, 1e-18], 400), z], axis=1)
     expected, _, known = _depth_behind_surface(scans, 0, points)

@@ -21,6 +21,13 @@ Source = Annotated[
 CameraName = Annotated[
     str | None, typer.Option("--camera", help="Camera of the drive, for example image_02.")
 ]
+SettingsFile = Annotated[
+    Path | None, typer.Option(metavar="FILE.toml", help="Settings of the method.")
+]
+SettingChanges = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change one setting; may be repeated."),
+]
 
 
 def run(
@@ -42,14 +49,9 @@ def run(
             " poses.",
         ),
     ] = "camera",
-    settings: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Settings of the method.")
-    ] = None,
+    settings: SettingsFile = None,
     camera: CameraName = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change one setting; may be repeated."),
-    ] = None,
+    changes: SettingChanges = None,
     report: Annotated[
         bool,
         typer.Option(

@@ -84,7 +84,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import Float64Array
+from intervis.arrays import BoolArray, Float64Array
 from intervis.sight.kernels.parameters import OccupancyModel, Parameters, Tables
 
 FITTED_FILE = "occupancy_model.toml"
@@ -166,40 +166,6 @@ def scan_weights(
     return np.asarray(decaying / decaying.sum() ** correlation)
 
 
-def change_fractions(time_gap_s: ArrayLike, single_scan: bool) -> tuple[Float64Array, Float64Array]:
-    """Fractions `disappeared` of occluded and `appeared` of visible lines after a time.
-
-    Examples
-    --------
-    >>> disappeared, appeared = change_fractions([0.0, 1.0, 100.0], single_scan=True)
-    >>> disappeared.round(2), appeared.round(2)
-    (array([0.  , 0.14, 0.45]), array([0.  , 0.07, 0.41]))
-    """
-    changed = 1.0 - np.exp(-np.asarray(time_gap_s) / CHANGE_TIME_S)
-    disappeared = DISAPPEARED_SINGLE_SCAN if single_scan else DISAPPEARED
-    appeared = APPEARED_SINGLE_SCAN if single_scan else APPEARED
-    return np.minimum(disappeared * changed, MAX_CHANGED), np.minimum(
-        appeared * changed, MAX_CHANGED
-    )
-
-
-def probability(
-    optical_depth: ArrayLike, disappeared: ArrayLike, appeared: ArrayLike
-) -> Float64Array:
-    """P(visible) of lines with optical depths x and change fractions.
-
-    Examples
-    --------
-    >>> probability([np.log(2.0), 0.0, 9.0], 0.2, 0.1).round(3)
-    array([0.5, 0.9, 0.2])
-    """
-    disappeared, appeared = np.asarray(disappeared), np.asarray(appeared)
-    balance = (0.5 - appeared) / (0.5 - disappeared)
-    with np.errstate(over="ignore"):
-        unchanged = 1.0 / (1.0 + balance * np.expm1(optical_depth) ** SHARPNESS)
-    return np.asarray(disappeared + (1.0 - disappeared - appeared) * unchanged)
-
-
 def _entry_centres(start: float, last: float) -> Float64Array:
     """Centres of table entries from `start` to past the last knot of a curve."""
     count = int(np.ceil((last - start) * ENTRIES_PER_M)) + 1
@@ -235,3 +201,78 @@ def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
 
 
 MODEL = model_of(FITTED)
+
+
+def change_fractions(
+    time_gap_s: ArrayLike, single_scan: ArrayLike, parameters: Parameters = MODEL.parameters
+) -> tuple[Float64Array, Float64Array]:
+    """Fractions `disappeared` of occluded and `appeared` of visible lines after a time.
+
+    `single_scan` says for each line, or for all, whether one scan contributes.
+
+    Examples
+    --------
+    >>> disappeared, appeared = change_fractions([0.0, 1.0, 100.0], single_scan=True)
+    >>> disappeared.round(2), appeared.round(2)
+    (array([0.  , 0.14, 0.45]), array([0.  , 0.07, 0.41]))
+    """
+    p = parameters
+    changed = 1.0 - np.exp(-np.asarray(time_gap_s) / p.change_time_s)
+    disappeared = np.where(single_scan, p.disappeared_single_scan, p.disappeared)
+    appeared = np.where(single_scan, p.appeared_single_scan, p.appeared)
+    return np.minimum(disappeared * changed, p.max_changed), np.minimum(
+        appeared * changed, p.max_changed
+    )
+
+
+def probability(
+    optical_depth: ArrayLike,
+    disappeared: ArrayLike,
+    appeared: ArrayLike,
+    sharpness: float = SHARPNESS,
+) -> Float64Array:
+    """P(visible) of lines with optical depths x and change fractions.
+
+    Examples
+    --------
+    >>> probability([np.log(2.0), 0.0, 9.0], 0.2, 0.1).round(3)
+    array([0.5, 0.9, 0.2])
+    """
+    disappeared, appeared = np.asarray(disappeared), np.asarray(appeared)
+    balance = (0.5 - appeared) / (0.5 - disappeared)
+    with np.errstate(over="ignore"):
+        unchanged = 1.0 / (1.0 + balance * np.expm1(optical_depth) ** sharpness)
+    return np.asarray(disappeared + (1.0 - disappeared - appeared) * unchanged)
+
+
+def may_be_visible(
+    surface: ArrayLike,
+    unobserved: ArrayLike,
+    unobserved_m: ArrayLike,
+    occluded_space_m: ArrayLike,
+    length_m: ArrayLike,
+) -> BoolArray:
+    """Which lines satisfy all conditions of "visible" but that on P.
+
+    Parameters
+    ----------
+    surface, unobserved : (L,) float64 arrays
+        Parts of the optical depth.
+    unobserved_m, occluded_space_m, length_m : (L,) float64 arrays
+        Length that is unobserved, the part of it behind surfaces, and length of the line, metres.
+
+    Examples
+    --------
+    The second line is half unobserved, outside the end margins:
+
+    >>> may_be_visible(0.1, 0.1, [0.5, 2.5], 0.0, 5.0)
+    array([ True, False])
+    """
+    sampled_m = np.maximum(np.asarray(length_m) - 2.0 * END_MARGIN_M, 0.0)
+    allowed_m = np.minimum(VISIBLE_MAX_UNOBSERVED_M, VISIBLE_MAX_UNOBSERVED_FRACTION * sampled_m)
+    return np.asarray(
+        (np.asarray(surface) < VISIBLE_MAX_SURFACE)
+        & (np.asarray(unobserved) < VISIBLE_MAX_UNOBSERVED)
+        & (np.asarray(unobserved_m) <= allowed_m)
+        & (np.asarray(occluded_space_m) <= VISIBLE_MAX_OCCLUDED_SPACE_M)
+    )

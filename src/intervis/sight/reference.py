@@ -25,8 +25,8 @@ from intervis.sight.occupancy_model import MODEL
 class ReferenceResult(NamedTuple):
     """One line: the three parts of its optical depth, and its unobserved length.
 
-    `occluded_space_m` is the part of `unobserved_m` behind observed surfaces, `judged_m` the length
-    that was sampled. `time_gap_s` is the time between the query and the nearest scan, `scans` the
+    `occluded_space_m` is the part of `unobserved_m` behind observed surfaces, `length_m` the length
+    of the line. `time_gap_s` is the time between the query and the nearest scan, `scans` the
     number of scans of the scene.
     """
 
@@ -35,7 +35,7 @@ class ReferenceResult(NamedTuple):
     unobserved: float
     unobserved_m: float
     occluded_space_m: float
-    judged_m: float
+    length_m: float
     time_gap_s: float
     scans: int
 
@@ -55,19 +55,14 @@ class ReferenceResult(NamedTuple):
         """1 visible, 0 occluded, -1 unknown."""
         if self.surface > model.OCCLUDED_MIN_SURFACE:
             return 0
-        allowed_m = min(
-            model.VISIBLE_MAX_UNOBSERVED_M,
-            model.VISIBLE_MAX_UNOBSERVED_FRACTION * self.judged_m,
+        possible = model.may_be_visible(
+            self.surface,
+            self.unobserved,
+            self.unobserved_m,
+            self.occluded_space_m,
+            self.length_m,
         )
-        if (
-            self.probability >= model.VISIBLE_MIN_PROBABILITY
-            and self.surface < model.VISIBLE_MAX_SURFACE
-            and self.unobserved < model.VISIBLE_MAX_UNOBSERVED
-            and self.unobserved_m <= allowed_m
-            and self.occluded_space_m <= model.VISIBLE_MAX_OCCLUDED_SPACE_M
-        ):
-            return 1
-        return -1
+        return 1 if possible and self.probability >= model.VISIBLE_MIN_PROBABILITY else -1
 
 
 class LineSamples(NamedTuple):
@@ -137,7 +132,7 @@ def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> Re
         float(optical_depth[unobserved].sum()),
         float(line.step * np.count_nonzero(unobserved)),
         float(line.step * np.count_nonzero(unobserved & line.behind)),
-        max(length_m - 2.0 * model.END_MARGIN_M, 0.0),
+        length_m,
         time_gap_s(scans, a, b),
         len(scans.position),
     )

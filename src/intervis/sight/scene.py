@@ -242,7 +242,7 @@ class Scene:
             raise SettingsError(f"visible_from is a probability from 0 to 1, got {visible_from}.")
         from_points, to_points = _viewpoints(viewpoint), _targets(targets)
         answers = answer_lines(
-            self._packed(moment_s),
+            self.packed_scans(moment_s),
             from_points,
             to_points,
             paired=False,
@@ -276,7 +276,9 @@ class Scene:
                 f"each line needs two ends, got {len(from_points)} starts and"
                 f" {len(to_points)} ends."
             )
-        return Sight(*answer_lines(self._packed(moment_s), from_points, to_points, paired=True))
+        return Sight(
+            *answer_lines(self.packed_scans(moment_s), from_points, to_points, paired=True)
+        )
 
     def sight_within(
         self,
@@ -314,9 +316,25 @@ class Scene:
     ) -> float:
         """Metres of one line that no scan observed; 0.4 m at either end are not counted."""
         start, end = checked_point(viewpoint)[None], checked_point(target)[None]
-        return float(sum_lines(self._packed(moment_s), start, end).unobserved_m[0])
+        return float(sum_lines(self.packed_scans(moment_s), start, end).unobserved_m[0])
 
-    def _packed(self, moment_s: float | None = None) -> PackedScans:
+    def packed_scans(self, moment_s: float | None = None) -> PackedScans:
+        """The scans as the compiled kernels and the reference implementation read them.
+
+        Valid until the next `add`, which may write over the memory of an evicted scan.
+
+        Parameters
+        ----------
+        moment_s : float or None
+            Query time; see `sight`.
+
+        Raises
+        ------
+        SceneError
+            The scene holds no scan; or a query time is given and a scan has no timestamp.
+        SettingsError
+            `moment_s` is not finite.
+        """
         if len(self._buffer) == 0:
             raise SceneError("the scene holds no scan: call scene.add(points, pose) first.")
         if moment_s is None:

@@ -15,6 +15,7 @@ from intervis.lab.calibrate.plan import fingerprints
 from intervis.sight import Scene
 from intervis.sight import occupancy_model as model
 from intervis.sight.answers import sum_lines
+from intervis.sight.kernels.classify import _probability
 
 FITTED = model.FITTED
 DEPTH_M, HEIGHT_M = (np.array(FITTED[name], float) for name in ("depth_m", "height_m"))
@@ -52,7 +53,7 @@ def queries():
         scene.add(wall_scan(12.0 - 0.8 * number, rng), pose, 0.1 * number)
     starts = rng.uniform([2, -4, -1.2], [6, 4, 1.0], (120, 3))
     ends = rng.uniform([8, -6, -1.5], [25, 6, 2.0], (120, 3))
-    return QueryLines("made", scene._packed(0.12), starts, ends, rng.random(120) < 0.5)
+    return QueryLines("made", scene.packed_scans(0.12), starts, ends, rng.random(120) < 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -137,11 +138,15 @@ def made_lines(rng, count, theta, single):
 
 
 @pytest.mark.parametrize("single", [True, False])
-def test_the_line_probability_is_the_models(rng, single):
-    theta = np.array([FITTED[name] for name in probability.NAMES])
+def test_the_line_probability_is_that_of_the_engine(rng, single):
+    """For any parameters, not only the shipped ones."""
+    theta = np.array([1.8, 4.0, 0.6, 0.3, 0.25, 0.15])
     lines, _ = made_lines(rng, 500, theta, single)
-    fractions = model.change_fractions(lines.time_gap_s, single)
-    expected = model.probability(lines.optical_depth, *fractions)
+    parameters = model.MODEL.parameters._replace(**dict(zip(probability.NAMES, theta, strict=True)))
+    expected = [
+        _probability(x, gap_s, single, parameters)
+        for x, gap_s in zip(lines.optical_depth, lines.time_gap_s, strict=True)
+    ]
     np.testing.assert_allclose(probability.line_probability(lines, theta), expected, rtol=1e-12)
 
 

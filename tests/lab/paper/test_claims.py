@@ -13,9 +13,8 @@ from intervis.lab.paper.claims import (
     REVEALED,
     UNDECIDED,
     check_claims,
-    identity_residuals,
-    tpi_distance,
 )
+from intervis.lab.paper.differences import identity_residuals, tpi_distance
 from intervis.lab.paper.experiment import Agreement
 from intervis.lab.paper.spectra import Spectrum
 from intervis.lab.paper.temporal_consistency import Overlap, TemporalConsistency

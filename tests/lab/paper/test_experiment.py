@@ -9,7 +9,7 @@ from rough_ground import rough_ground
 from intervis import Settings, analyze
 from intervis.drives import Frame
 from intervis.lab.paper import experiment
-from intervis.lab.paper.claims import identity_residuals
+from intervis.lab.paper.differences import identity_residuals
 from intervis.lab.paper.experiment import (
     TimedRuns,
     agreement,

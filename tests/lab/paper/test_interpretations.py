@@ -10,6 +10,7 @@ from intervis import Settings, analyze, open_drive
 from intervis.drives import Frame
 from intervis.lab.paper import printed_values
 from intervis.lab.paper.curve import tpi_curve
+from intervis.lab.paper.interpretation_tables import choices_table
 from intervis.lab.paper.interpretations import (
     GATE_ONLY,
     InterpretationScore,
@@ -21,7 +22,6 @@ from intervis.lab.paper.interpretations import (
     spread_frames,
 )
 from intervis.lab.paper.report import write_interpretations
-from intervis.lab.paper.tables import choices_table
 
 
 def frame(seed, number=0):

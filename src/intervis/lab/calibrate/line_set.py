@@ -7,8 +7,8 @@ import numpy as np
 from scipy import sparse
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
+from intervis.lab.truth.baselines.input_scans import scene_of
 from intervis.lab.truth.query_set import QuerySet
-from intervis.sight import Scene
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.reference import LineSamples, reference_samples, time_gap_s
 
@@ -36,16 +36,12 @@ class QueryLines:
 
 def query_lines(query_set: QuerySet, count: int, rng: np.random.Generator) -> QueryLines:
     """At most `count` random lines of a query set, with the scene that answers them."""
-    scene, inputs = Scene(), query_set.inputs
-    timestamps_s = inputs.timestamps_s or (None,) * len(inputs.scans)
-    for scan, pose, timestamp_s in zip(inputs.scans, inputs.poses, timestamps_s, strict=True):
-        scene.add(scan, pose, timestamp_s)
     overall = query_set.overall
     usable = np.arange(len(query_set.targets)) if overall is None else np.flatnonzero(overall)
     rows = np.sort(rng.permutation(usable)[:count])
     return QueryLines(
         query_set.label,
-        scene._packed(None if inputs.timestamps_s is None else 0.0),
+        scene_of(query_set.inputs).packed_scans(query_set.inputs.moment_s),
         np.broadcast_to(query_set.viewpoint, (len(rows), 3)).copy(),
         query_set.targets[rows],
         query_set.visible[rows],

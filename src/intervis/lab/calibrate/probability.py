@@ -78,16 +78,9 @@ def joined(parts: list[JudgedLines]) -> JudgedLines:
 
 def line_probability(lines: JudgedLines, theta: Float64Array) -> Float64Array:
     """P(visible) of `occupancy_model` with the parameters `NAMES`."""
-    sharpness, change_time_s, *fractions = theta
-    changed = 1.0 - np.exp(-lines.time_gap_s / change_time_s)
-    disappeared, appeared = (
-        np.minimum(np.where(lines.single_scan, single, several) * changed, model.MAX_CHANGED)
-        for single, several in (fractions[0::2], fractions[1::2])
-    )
-    balance = (0.5 - appeared) / (0.5 - disappeared)
-    with np.errstate(over="ignore"):
-        unchanged = 1.0 / (1.0 + balance * np.expm1(lines.optical_depth) ** sharpness)
-    return np.asarray(disappeared + (1.0 - disappeared - appeared) * unchanged)
+    parameters = model.MODEL.parameters._replace(**dict(zip(NAMES, theta, strict=True)))
+    fractions = model.change_fractions(lines.time_gap_s, lines.single_scan, parameters)
+    return model.probability(lines.optical_depth, *fractions, parameters.sharpness)
 
 
 def probability_loss(lines: JudgedLines, theta: Float64Array) -> float:
@@ -120,15 +113,12 @@ def choose_thresholds(lines: JudgedLines, probability: Float64Array) -> dict[str
     probability : (L,) float64 array
         P(visible).
     """
-    judged_m = np.maximum(lines.length_m - 2.0 * model.END_MARGIN_M, 0.0)
-    allowed_m = np.minimum(
-        model.VISIBLE_MAX_UNOBSERVED_M, model.VISIBLE_MAX_UNOBSERVED_FRACTION * judged_m
-    )
-    observed = (
-        (lines.surface < model.VISIBLE_MAX_SURFACE)
-        & (lines.unobserved < model.VISIBLE_MAX_UNOBSERVED)
-        & (lines.unobserved_m <= allowed_m)
-        & (lines.occluded_space_m <= model.VISIBLE_MAX_OCCLUDED_SPACE_M)
+    observed = model.may_be_visible(
+        lines.surface,
+        lines.unobserved,
+        lines.unobserved_m,
+        lines.occluded_space_m,
+        lines.length_m,
     )
     return {
         "visible_min_probability": _smallest(

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from intervis.cli import options
-from intervis.cli.run import CameraName, Source
+from intervis.cli.run import CameraName, SettingChanges, SettingsFile, Source
 from intervis.cli.terminal import progress, show, tell
 
 
@@ -33,14 +33,9 @@ def reproduce(
             help="Frames over which temporal consistency is measured.",
         ),
     ] = 8,
-    settings: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Settings of the method.")
-    ] = None,
+    settings: SettingsFile = None,
     camera: CameraName = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change one setting; may be repeated."),
-    ] = None,
+    changes: SettingChanges = None,
 ) -> None:
     """Reproduce Tables 2 to 4 and Figures 3 to 10 of the paper, with the printed values beside."""
     chosen = options.settings(settings, None, changes or [])
@@ -88,6 +83,7 @@ def interpretations(
     """Compare every interpretation of the paper's open choices with its Table 2 (minutes)."""
     from intervis.drives import open_drive
     from intervis.lab.paper.curve import tpi_curve
+    from intervis.lab.paper.interpretation_tables import choices_table
     from intervis.lab.paper.interpretations import (
         compare_interpretations,
         consecutive_frames,
@@ -96,7 +92,6 @@ def interpretations(
         spread_frames,
     )
     from intervis.lab.paper.report import make_folders, write_interpretations
-    from intervis.lab.paper.tables import choices_table
     from intervis.settings import Settings
 
     drives = [open_drive(source) for source in sources]

@@ -2,17 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, isnan
+from math import isnan
 
 import numpy as np
 
 from intervis.lab.paper import printed_values
-from intervis.lab.paper.experiment import (
-    FEW_RETURNS,
-    FrameExperiment,
-    SweepPoint,
-    agreement,
-)
+from intervis.lab.paper.differences import identity_residuals, tpi_distance
+from intervis.lab.paper.experiment import FEW_RETURNS, FrameExperiment, agreement
 from intervis.lab.paper.printed_values import GLOBAL_POINTS, INTERPOLATION_POINTS, PROPOSED
 from intervis.lab.paper.spectra import Spectrum, power_spectra
 from intervis.lab.paper.temporal_consistency import TemporalConsistency, sample_std
@@ -108,33 +104,6 @@ def check_claims(
     if consistency:
         claims.append(_consistency(consistency))
     return [claim for claim in claims if claim is not None] + list(revealed())
-
-
-def tpi_distance(result: FrameExperiment) -> tuple[float, float]:
-    """Mean and greatest absolute difference of TPI to Table 2, points."""
-    difference = [
-        abs(result.sweep[tau].measures.TPI - row.TPI)
-        for tau, row in printed_values.TABLE_2.items()
-        if tau in result.sweep
-    ]
-    return float(np.mean(difference)), float(np.max(difference))
-
-
-def identity_residuals(point: SweepPoint) -> tuple[int, int, int] | None:
-    """Differences of n, N and SP to their formulas; None where there is no finite element.
-
-    n = ceil(n_fov / tau), N = 2 n - 2 - h and SP = N + n - 1. In the last two, n does not count
-    nodes that have the same position as another node, since a mesh holds each position once.
-    """
-    m = point.measures
-    if m.N == 0:
-        return None
-    meshed = m.n - point.copies
-    return (
-        m.n - ceil(m.n_fov / point.tau),
-        m.N - (2 * meshed - 2 - point.hull),
-        m.SP - (m.N + meshed - 1),
-    )
 
 
 def _result(holds: bool, partly: bool = False) -> str:

@@ -137,6 +137,10 @@ def _decibel(power: Float64Array) -> Float64Array:
     return decibel
 
 
+def _draw_grid(axes: Any) -> None:
+    axes.grid(visible=True, which="major", color="#eceef1", linewidth=0.6)
+
+
 def figure_9(result: FrameExperiment) -> "Figure":
     """Counts and rates against granularity."""
     points = [result.sweep[tau] for tau in sorted(result.sweep)]
@@ -157,7 +161,7 @@ def figure_9(result: FrameExperiment) -> "Figure":
             ylabel="number",
             title="Counts",
         )
-        counts.grid(visible=True, which="major", color="#eceef1", linewidth=0.6)
+        _draw_grid(counts)
         counts.legend(frameon=False, ncols=2)
         rates.plot(
             taus,
@@ -192,7 +196,7 @@ def figure_9(result: FrameExperiment) -> "Figure":
             ylabel="TPI, %",
             title="Rate",
         )
-        rates.grid(visible=True, color="#eceef1", linewidth=0.6)
+        _draw_grid(rates)
         rates.legend(frameon=False, loc="lower left")
         return figure
 
@@ -236,7 +240,7 @@ def figure_10(result: FrameExperiment) -> "Figure":
             ylabel="time, ms",
             title="Time by stage",
         )
-        axes.grid(visible=True, which="major", color="#eceef1", linewidth=0.6)
+        _draw_grid(axes)
         legend_below(figure, axes, 4)
         return figure
 
@@ -282,6 +286,6 @@ def figure_curve(points: Sequence[CurvePoint], tolerance: float) -> "Figure":
             ylabel="TPI lost, points",
             title="TPI lost by coarser sampling",
         )
-        axes.grid(visible=True, which="major", color="#eceef1", linewidth=0.6)
+        _draw_grid(axes)
         axes.legend(frameon=False, loc="upper right")
         return figure

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from intervis.errors import MissingExtraError, OutputError
 from intervis.files import write_text
-from intervis.lab.paper import tables
+from intervis.lab.paper import interpretation_tables, tables
 from intervis.lab.paper.curve import CurvePoint
 from intervis.lab.paper.drive_experiment import DriveExperiment
 from intervis.lab.paper.figures import CAPTIONS, PLOTS, save_curve, save_paper_figures
@@ -201,13 +201,13 @@ def write_interpretations(
     blocks = [
         "# Interpretations of the paper against its Table 2",
         "Frames: " + "; ".join(sources) + ".",
-        tables.choices_table(scores, default).as_markdown(),
-        tables.nearest_table(scores).as_markdown(),
+        interpretation_tables.choices_table(scores, default).as_markdown(),
+        interpretation_tables.nearest_table(scores).as_markdown(),
         tables.curve_table(curve).as_markdown(),
     ]
     texts = {
         out / "interpretations.md": "\n\n".join(block.rstrip() for block in blocks) + "\n",
-        out / "interpretations.csv": tables.interpretations_table(scores).as_csv(),
+        out / "interpretations.csv": interpretation_tables.interpretations_table(scores).as_csv(),
         out / "granularity.csv": tables.curve_table(curve).as_csv(),
     }
     for path, text in texts.items():

@@ -4,14 +4,10 @@ from collections.abc import Sequence
 from math import isnan
 
 from intervis.lab.paper import printed_values
-from intervis.lab.paper.claims import Claim, identity_residuals
+from intervis.lab.paper.claims import Claim
 from intervis.lab.paper.curve import CurvePoint
+from intervis.lab.paper.differences import identity_residuals
 from intervis.lab.paper.experiment import FrameExperiment, agreement
-from intervis.lab.paper.interpretations import (
-    GATE_ONLY,
-    Interpretation,
-    InterpretationScore,
-)
 from intervis.lab.paper.printed_values import GLOBAL_POINTS, INTERPOLATION_POINTS, PROPOSED
 from intervis.lab.paper.temporal_consistency import TemporalConsistency, sample_std
 from intervis.plots.tables import Table
@@ -26,21 +22,6 @@ SYMBOLS = (
     " edges over 3 N (Eq. 16). DCP: 1 - intervisible edges / n_raw (Eq. 17)."
 )
 """The paper's symbols."""
-
-SCORE_HEADINGS = (
-    "difference",
-    "difference of mean",
-    "greatest of mean",
-    "std of TPI",
-    "region IoU",
-)
-
-NOTE_SCORES = (
-    "Difference: mean absolute difference of TPI to Table 2 over all frames and granularities,"
-    " points. Difference of mean, greatest of mean: mean and greatest absolute difference of the"
-    " frames' mean TPI to Table 2. Std of TPI (sample) and region IoU: along consecutive frames at"
-    " tau = 35. Gate only: line 1 of Algorithm 1, without lines 2 to 9."
-)
 
 NOTE_RESULTS = (
     '"Not decided": the measurement cannot tell. "In the tables": a finding from the printed'
@@ -239,7 +220,7 @@ def table_4_additions(result: FrameExperiment) -> Table:
                 *(
                     (DASH, DASH)
                     if analysis is reference
-                    else (f"{same.share:.1f}", _number(same.correlation))
+                    else (f"{same.share:.1f}", number_or_dash(same.correlation))
                 ),
             )
         )
@@ -273,9 +254,9 @@ def consistency_table(consistency: Sequence[TemporalConsistency]) -> Table:
             (
                 line.method,
                 str(len(line.numbers)),
-                _number(line.iou),
-                _number(line.chance),
-                _number(line.beyond_chance),
+                number_or_dash(line.iou),
+                number_or_dash(line.chance),
+                number_or_dash(line.beyond_chance),
                 *(
                     f"{values.mean():.{digits}f} ± {sample_std(values):.{digits}f}"
                     for values, digits in (
@@ -305,62 +286,6 @@ def consistency_table(consistency: Sequence[TemporalConsistency]) -> Table:
             " IoU expected of random regions of the same sizes. Beyond chance:"
             " (IoU − chance) / (1 − chance). Other columns: mean ± sample standard deviation.",
         ),
-    )
-
-
-def interpretations_table(scores: Sequence[InterpretationScore]) -> Table:
-    """Every interpretation, nearest to Table 2 first."""
-    return Table(
-        f"{len(scores)} interpretations against Table 2",
-        (*Interpretation._fields, *SCORE_HEADINGS, *(f"TPI {tau}" for tau in printed_values.TAUS)),
-        tuple(
-            (
-                *score.interpretation,
-                *_score_cells(score),
-                *(f"{v:.2f}" for v in score.TPI.mean(axis=0)),
-            )
-            for score in scores
-        ),
-        (NOTE_SCORES,),
-    )
-
-
-def choices_table(scores: Sequence[InterpretationScore], interpretation: Interpretation) -> Table:
-    """One interpretation, and those that differ from it in one choice."""
-    found = {score.interpretation: score for score in scores}
-    rows = [("default", ", ".join(interpretation), *_score_cells(found[interpretation]))]
-    for name in Interpretation._fields:
-        for score in scores:
-            one = score.interpretation
-            same = one._replace(**{name: getattr(interpretation, name)}) == interpretation
-            if one != interpretation and same:
-                rows.append((name, getattr(one, name), *_score_cells(score)))
-    return Table(
-        "One choice changed at a time",
-        ("choice", "interpretation", *SCORE_HEADINGS),
-        tuple(rows),
-        (NOTE_SCORES,),
-    )
-
-
-def nearest_table(scores: Sequence[InterpretationScore], count: int = 12) -> Table:
-    """The interpretations nearest to Table 2 among those with lines 2 to 9 of Algorithm 1."""
-    whole = [score for score in scores if score.interpretation.criterion != GATE_ONLY][:count]
-    return Table(
-        "Nearest to Table 2, lines 1 to 9 of Algorithm 1 applied",
-        (*Interpretation._fields, *SCORE_HEADINGS),
-        tuple((*score.interpretation, *_score_cells(score)) for score in whole),
-        (NOTE_SCORES,),
-    )
-
-
-def _score_cells(score: InterpretationScore) -> tuple[str, ...]:
-    return (
-        f"{score.difference:.2f}",
-        f"{score.difference_of_mean:.2f}",
-        f"{score.greatest_of_mean:.1f}",
-        _number(score.TPI_std),
-        _number(score.iou),
     )
 
 
@@ -414,5 +339,6 @@ def _percent(value: float | None) -> str:
     return DASH if value is None else f"{value:.2f}"
 
 
-def _number(value: float) -> str:
+def number_or_dash(value: float) -> str:
+    """Two decimals, or a dash for NaN."""
     return DASH if isnan(value) else f"{value:.2f}"

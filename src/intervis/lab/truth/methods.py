@@ -8,9 +8,8 @@ import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
 from intervis.lab.truth.baselines import Predict, all_baselines
-from intervis.lab.truth.baselines.input_scans import InputScans
+from intervis.lab.truth.baselines.input_scans import InputScans, scene_of
 from intervis.lab.truth.baselines.triangulated import SURFACES
-from intervis.sight import Scene
 
 ENGINE = "intervis"
 """Name of the sight-line engine among the methods."""
@@ -64,12 +63,9 @@ def _predict_with_scene(
     inputs: InputScans, viewpoint: Float64Array, targets: Float64Array
 ) -> Predictions:
     start = perf_counter()
-    scene = Scene()
-    timestamps_s = inputs.timestamps_s or (None,) * len(inputs.scans)
-    for scan, pose, timestamp_s in zip(inputs.scans, inputs.poses, timestamps_s, strict=True):
-        scene.add(scan, pose, timestamp_s)
+    scene = scene_of(inputs)
     ready = perf_counter()
-    sight = scene.sight(viewpoint, targets, moment_s=None if inputs.timestamps_s is None else 0.0)
+    sight = scene.sight(viewpoint, targets, moment_s=inputs.moment_s)
     done = perf_counter()
     probability = np.asarray(sight.probability, dtype=np.float64)
     return Predictions(probability, np.asarray(sight.state), ready - start, done - ready)

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from intervis.arrays import Float64Array, FloatArray, finite_rows
+from intervis.sight import Scene
 from intervis.transform import transform
 
 
@@ -36,6 +37,11 @@ class InputScans:
     target_number: int
     viewpoint_number: int
     timestamps_s: tuple[float, ...] | None = None
+
+    @property
+    def moment_s(self) -> float | None:
+        """Query time on the clock of `timestamps_s`; None where there are no timestamps."""
+        return None if self.timestamps_s is None else 0.0
 
     @cached_property
     def points_world(self) -> Float64Array:
@@ -77,3 +83,12 @@ class InputScans:
             self.viewpoint_number,
             self.timestamps_s and tuple(self.timestamps_s[k] for k in kept),
         )
+
+
+def scene_of(inputs: InputScans) -> Scene:
+    """A scene of all input scans, in the world frame, with default settings."""
+    scene = Scene()
+    timestamps_s = inputs.timestamps_s or (None,) * len(inputs.scans)
+    for scan, pose, timestamp_s in zip(inputs.scans, inputs.poses, timestamps_s, strict=True):
+        scene.add(scan, pose, timestamp_s)
+    return scene
