@@ -1,5 +1,6 @@
 """`intervis sight`: a wall with known answers, and scans registered by their poses."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -85,3 +86,13 @@ def test_the_picture_is_written(wall, tmp_path, capsys):
     assert f"Picture: {path}" in capsys.readouterr().out
     assert exit_code([*command[:-1], str(tmp_path / "nowhere" / "seen.png")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_picture_is_never_put_in_place_of_a_pipe(wall, tmp_path, capsys, monkeypatch):
+    pipe = tmp_path / "seen.png"
+    os.mkfifo(pipe)
+    monkeypatch.setattr("intervis.drives.open_drive", None)  # refused before the work
+    command = ["sight", str(wall), "--from", "sensor", "--to", "30,1,0", "--picture", str(pipe)]
+    assert exit_code(command) == 2
+    assert "give the path of a file" in capsys.readouterr().err
+    assert pipe.is_fifo()
