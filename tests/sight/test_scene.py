@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from made_scans import street_scan, turned
 
 from intervis.errors import PointsError, PoseError, SceneError, SettingsError
-from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
+from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
 
 coordinate = st.floats(-60.0, 60.0, allow_nan=False)
 point = st.tuples(coordinate, coordinate, st.floats(-3.0, 8.0, allow_nan=False))
@@ -108,6 +108,62 @@ def test_masks_length_and_indexing_follow_the_states(scene, rng):
     assert len(many) == 2
     assert same(many[0], sight)
     assert many[many.visible].blocker.shape == (np.count_nonzero(many.visible), 3)
+
+
+def made_sight(shape) -> Sight:
+    """Answers that carry their own flat index: line k has probability k and blocker (k, k, k)."""
+    number = np.arange(np.prod(shape, dtype=int), dtype=np.float64).reshape(shape)
+    state = (number % 3 - 1).astype(np.int8)
+    return Sight(state, number, np.stack([number] * 3, axis=-1), -number)
+
+
+index = st.integers(-2, 1)
+keys = st.one_of(
+    index,
+    st.slices(2),
+    st.just(Ellipsis),
+    st.none(),
+    st.lists(index, max_size=4).map(lambda chosen: np.array(chosen, dtype=np.int64)),
+)
+
+
+@given(
+    shape=st.sampled_from([(2,), (2, 2), (2, 3)]),
+    key=st.one_of(keys, st.tuples(keys), st.tuples(keys, keys), st.tuples(keys, keys, keys)),
+)
+def test_every_index_takes_the_same_lines_of_every_array(shape, key):
+    sight = made_sight(shape)
+    try:
+        chosen = np.asarray(sight.probability[key])
+    except IndexError:  # too many indices, or two ellipses
+        with pytest.raises(IndexError):
+            sight[key]
+        return
+    part = sight[key]
+    assert np.array_equal(part.probability, chosen)
+    assert np.array_equal(part.state, chosen % 3 - 1)
+    assert np.array_equal(part.clearance, -chosen)
+    assert np.array_equal(part.blocker, np.stack([chosen] * 3, axis=-1))
+
+
+def test_a_mask_takes_the_same_lines_of_every_array():
+    sight = made_sight((2, 3))
+    for key in (sight.visible, (slice(None), np.array([True, False, True])), ([True, False], 2)):
+        chosen = sight.probability[key]
+        assert np.array_equal(sight[key].blocker, np.stack([chosen] * 3, axis=-1))
+
+
+def test_a_sight_iterates_over_its_first_axis_and_has_no_truth_value():
+    lines = list(made_sight((3,)))
+    assert [float(one.probability) for one in lines] == [0.0, 1.0, 2.0]
+    assert all(one.blocker.shape == (3,) for one in lines)
+    assert [one.state.shape for one in made_sight((2, 3))] == [(3,), (3,)]
+    for sight in (made_sight((3,)), lines[0], made_sight((0,))):
+        with pytest.raises(TypeError, match="masks visible, occluded and unknown"):
+            bool(sight)
+    for act in (len, iter, list):
+        with pytest.raises(TypeError, match="one line"):
+            act(lines[0])
 
 
 def test_scenes_and_sights_print_what_they_hold(scene):

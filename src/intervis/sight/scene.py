@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # help() then shows ArrayLike by its name
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -33,7 +34,8 @@ __all__ = ["OCCLUDED", "UNKNOWN", "VISIBLE", "Scene", "Sight"]
 class Sight:
     """Answers for sight lines. Every array has the shape of the lines, (M,) or (N, M).
 
-    ``len(sight)`` is the length of the first axis; ``sight[key]`` indexes all arrays alike.
+    ``len(sight)`` is the length of the first axis, and iteration runs along it; ``sight[key]``
+    indexes all arrays alike. A Sight has no truth value.
 
     Attributes
     ----------
@@ -83,15 +85,28 @@ class Sight:
         return np.asarray(self.state == UNKNOWN)
 
     def __len__(self) -> int:
-        return len(self.state)
+        return len(self._lines())
+
+    def __iter__(self) -> Iterator[Sight]:
+        return (self[nth] for nth in range(len(self)))
+
+    def __bool__(self) -> bool:
+        raise TypeError("a Sight has no truth value: use its masks visible, occluded and unknown.")
 
     def __getitem__(self, key: Any) -> Sight:
+        # One index for the lines, so that no key reaches the coordinates of `blocker`.
+        at = np.arange(self.state.size).reshape(self.state.shape)[key]
         return Sight(
-            np.asarray(self.state[key]),
-            np.asarray(self.probability[key]),
-            np.asarray(self.blocker[key]),
-            np.asarray(self.clearance[key]),
+            np.asarray(self.state.reshape(-1)[at]),
+            np.asarray(self.probability.reshape(-1)[at]),
+            np.asarray(self.blocker.reshape(-1, 3)[at]),
+            np.asarray(self.clearance.reshape(-1)[at]),
         )
+
+    def _lines(self) -> NDArray[np.int8]:
+        if self.state.ndim == 0:
+            raise TypeError("this Sight is the answer of one line: it has no length or order.")
+        return self.state
 
     def __repr__(self) -> str:
         counts = (("visible", self.visible), ("occluded", self.occluded), ("unknown", self.unknown))

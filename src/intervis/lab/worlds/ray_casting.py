@@ -67,7 +67,7 @@ class RayCaster:
 
     def __init__(self, triangles: ArrayLike) -> None:
         scene_class, mesh_class = require_embreex()
-        corners = np.ascontiguousarray(triangles, dtype=np.float64)
+        corners = np.array(triangles, dtype=np.float64, order="C")  # a copy: the caster keeps it
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
             raise PointsError(f"triangles must have the shape (T, 3, 3), got {corners.shape}.")
         if not np.isfinite(corners).all():
