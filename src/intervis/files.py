@@ -88,6 +88,27 @@ def write_text(path: Path, text: str) -> None:
     write_whole(path, lambda file: file.write(content))
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder, with its parents, and check that files can be written into it.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made or written to.
+    """
+    probe = path / ".intervis.part"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe.unlink(missing_ok=True)
+        open(probe, "xb").close()
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(
+            f"cannot write in {path}: {(error.strerror or str(error)).lower()}; choose another"
+            " folder."
+        ) from None
+
+
 def _write_failure(path: Path, error: OSError) -> str:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return f"cannot write {path}: the disk is full; free some space and run the command again."

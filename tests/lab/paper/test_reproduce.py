@@ -198,3 +198,10 @@ def test_a_real_frame_stays_within_three_points_of_the_paper_in_the_mean(shared_
             for tau, row in module.printed_values.TABLE_2.items()
         ]
     assert np.mean(away) < 3.0
+
+
+def test_a_frame_that_does_not_exist_leaves_no_folder(tmp_path, capsys):
+    drive = write_drive(tmp_path / "drive", [rough_ground(1, 900)])
+    assert reproduce(drive, tmp_path / "out", "--frame", "999") == 2
+    assert "no frame 999" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -52,6 +52,7 @@ def reproduce(
 
     drive = open_drive(source, camera=camera)
     number = drive.frame_numbers[0] if frame is None else frame
+    _ = drive[number]  # raises before a folder is made
     make_folders(out)
     steps = steps_of_drive(
         drive, number, with_global=global_points, consecutive_frames=consecutive_frames

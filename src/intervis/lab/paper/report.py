@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from intervis.errors import MissingExtraError, OutputError
-from intervis.files import write_text
+from intervis.errors import MissingExtraError
+from intervis.files import make_folder, write_text
 from intervis.lab.paper import tables
 from intervis.lab.paper.curve import CurvePoint
 from intervis.lab.paper.drive_experiment import DriveExperiment
@@ -66,15 +66,8 @@ def make_folders(out: Path, names: Sequence[str] = ("figures", "tables")) -> Non
     OutputError
         A folder cannot be made.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for name in names:
-            (out / name).mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"cannot write in {out}: {(error.strerror or 'no folder').lower()}; choose another"
-            " folder with --out."
-        ) from None
+    for folder in (out, *(out / name for name in names)):
+        make_folder(folder)
 
 
 def _pictures(experiment: DriveExperiment, folder: Path) -> tuple[list[Picture], str | None]:
