@@ -71,6 +71,17 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"intervis {intervis.__version__}\n"
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_streams_are_no_error(closed, drive, tmp_path):
+    for words in ("--version", "--help", f"run {drive} --out {tmp_path / 'out'}"):
+        done = subprocess.run(
+            ["sh", "-c", f'exec "$0" -c "$1" {words} {closed}', PROGRAM[0], PROGRAM[2]],
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+
+
 # Output
 
 

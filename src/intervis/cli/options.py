@@ -127,6 +127,29 @@ def _value(text: str) -> Any:
     return text
 
 
+PICTURE_KINDS = (".png", ".svg")
+
+
+def check_picture_file(path: Path | None) -> None:
+    """Check before the work that a picture can be drawn and written.
+
+    Raises
+    ------
+    OutputError
+        The name does not end in .png or .svg; or as `check_output_file`.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    if path is None:
+        return
+    if path.suffix.lower() not in PICTURE_KINDS:
+        raise OutputError(f"a picture must be named .png or .svg at its end, got {path}.")
+    check_output_file(path)
+    from intervis.plots.style import require_matplotlib
+
+    require_matplotlib()
+
+
 def check_output_file(path: Path | None) -> None:
     """Check before the work that an output file can be written.
 
