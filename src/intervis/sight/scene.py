@@ -45,8 +45,8 @@ class Sight:
         1 visible, 0 occluded, -1 unknown (see `intervis.sight.occupancy_model`). Use the masks
         `visible`, `occluded` and `unknown` in conditions: -1 is truthy.
     probability : float64 array
-        P(visible), calibrated on held-out returns. NaN if an end of the line is not finite or the
-        line is longer than `max_range_m`.
+        P(visible); ``docs/accuracy.md`` states where it is calibrated. NaN if an end of the line is
+        not finite or the line is longer than `max_range_m`.
     blocker : (..., 3) float64 array
         Where an occluded line meets the surface that most likely occludes it, scene frame, metres;
         NaN for other states. It does not depend on which end is the viewpoint.

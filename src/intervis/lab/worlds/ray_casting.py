@@ -16,7 +16,7 @@ from intervis.errors import MissingExtraError, PointsError
 FLOAT32_STEP = 2.0**-22
 """Rounding of float32, with a margin, as a fraction of the largest coordinate."""
 GRAZING = 1e-3
-"""Sine of the angle to a plane below which rounding may carry the crossing out of a triangle."""
+"""Sine of the angle to a plane below which rounding may move the crossing out of a triangle."""
 
 
 def require_embreex() -> tuple[Any, Any]:
