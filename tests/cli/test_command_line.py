@@ -156,6 +156,26 @@ def test_overwrite_starts_anew(drive, tmp_path, capsys):
     assert exit_code(["run", str(drive), "--out", out, "--tau", "9", "--overwrite"]) == 0
 
 
+@pytest.mark.parametrize("mine", ["index.html", "measures.csv", "pictures/scan.png"])
+def test_a_report_replaces_no_file_of_other_origin(mine, drive, tmp_path, capsys):
+    out = tmp_path / "out"
+    (out / mine).parent.mkdir(parents=True)
+    (out / mine).write_text("mine")
+    assert exit_code(["run", str(drive), "--out", str(out), "--report"]) == 2
+    assert f"{out / mine} was not written by an earlier report" in capsys.readouterr().err
+    assert list(files_below(out)) == [mine]
+
+
+@pytest.mark.parametrize("more", [[], ["--overwrite"]])
+def test_the_users_own_settings_are_not_replaced(more, drive, tmp_path, capsys):
+    mine = tmp_path / "settings.toml"
+    mine.write_text("# my settings\ntau = 7\n")
+    command = ["run", str(drive), "--out", str(tmp_path), "--settings", str(mine), *more]
+    assert exit_code(command) == 2
+    assert "choose another folder" in capsys.readouterr().err
+    assert mine.read_text() == "# my settings\ntau = 7\n"
+
+
 # One-line messages
 
 

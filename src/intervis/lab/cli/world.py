@@ -62,7 +62,7 @@ def _refuse_foreign(out: Path) -> None:
     from intervis.drives.kitti_writer import Layout
     from intervis.errors import OutputError
     from intervis.lab.worlds.simulation import METADATA_NAME
-    from intervis.run.report import PICTURES
+    from intervis.run.report import check_report
     from intervis.run.summary import read_summary
 
     drive = Layout(out / "drive").drive
@@ -74,9 +74,8 @@ def _refuse_foreign(out: Path) -> None:
         and (drive / METADATA_NAME).is_file()
     ):
         return
+    check_report(out, out / "run")
     written = [
-        *(out / name for name in ("index.html", "measures.md", "measures.csv")),
-        *(out / "pictures" / f"{name}.png" for name in PICTURES),
         *(out / "run" / name for name in ("summary.json", "settings.toml")),
         *sorted((out / "run" / "frames").glob("*.npz")),
     ]
