@@ -67,3 +67,44 @@ def test_a_file_in_place_of_a_folder_is_an_error(tmp_path):
 def test_bytes_of_a_name_that_are_not_utf8_are_escaped(tmp_path):
     write_text(tmp_path / "a.txt", "dr\udcefve")
     assert (tmp_path / "a.txt").read_text() == "dr\\udcefve"
+
+
+def test_a_link_is_kept_and_its_target_is_written(tmp_path):
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "target.txt").write_text("old")
+    (tmp_path / "link.txt").symlink_to("kept/target.txt")
+    (tmp_path / "new.txt").symlink_to("kept/created.txt")
+    for name in ("link.txt", "new.txt"):
+        write_text(tmp_path / name, "new")
+        assert (tmp_path / name).is_symlink()
+    assert (tmp_path / "kept" / "target.txt").read_text() == "new"
+    assert (tmp_path / "kept" / "created.txt").read_text() == "new"
+    assert len(list(tmp_path.rglob("*"))) == 5
+
+
+def test_a_link_in_place_of_the_part_is_not_written_through(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    (tmp_path / ".a.txt.part").symlink_to("mine.txt")
+    write_text(tmp_path / "a.txt", "whole")
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert not (tmp_path / "a.txt").is_symlink()
+
+
+@pytest.mark.parametrize("write", [write_bytes, write_text])
+def test_a_pipe_is_refused_and_stays(tmp_path, write):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    (tmp_path / "link").symlink_to("pipe")
+    for path in (pipe, tmp_path / "link"):
+        with pytest.raises(OutputError, match="give the path of a file"):
+            write(path, "x" if write is write_text else b"x")
+    assert pipe.is_fifo()
+    assert (tmp_path / "link").is_symlink()
+
+
+def test_a_circle_of_links_is_an_error(tmp_path):
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(OutputError, match="cannot write"):
+        write_text(tmp_path / "a", "x")
+    assert (tmp_path / "a").is_symlink()

@@ -1,7 +1,7 @@
 """intervis: what can see what, from LiDAR scans of a moving vehicle.
 
-The names below are the front door. They are loaded when they are first used, so that importing
-the package costs nothing and compiles nothing. So are the subpackages: ``intervis.sight``.
+The public names below and the subpackages (``intervis.sight``) are loaded when they are first
+used, so that importing the package loads and compiles little.
 """
 
 from importlib import import_module

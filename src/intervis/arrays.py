@@ -16,6 +16,14 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+def array_of(points: ArrayLike, name: str) -> NDArray[Any]:
+    """An array of what was passed in; rows of different lengths raise `PointsError`."""
+    try:
+        return np.asarray(points)
+    except ValueError:
+        raise PointsError(f"{name} must have rows of the same length.") from None
+
+
 def checked_points(points: ArrayLike, name: str = "points") -> FloatArray:
     """The coordinates of a point array, its shape and type checked.
 
@@ -41,7 +49,9 @@ def checked_points(points: ArrayLike, name: str = "points") -> FloatArray:
     >>> checked_points(np.zeros((5, 4), np.float32)).shape
     (5, 3)
     """
-    array = np.asarray(points)
+    if hasattr(points, "points"):
+        raise PointsError(f"{name} must be an array: pass frame.points, not the frame.")
+    array = array_of(points, name)
     if array.ndim != 2 or array.shape[1] not in (3, 4):
         raise PointsError(
             f"{name} must have the shape (N, 3) or (N, 4), got {array.shape};"

@@ -1,5 +1,7 @@
 """Exceptions of the library: one root class, and one class for each kind of error."""
 
+from typing import Self
+
 
 class IntervisError(Exception):
     """Root of all exceptions that the library raises.
@@ -52,3 +54,7 @@ class MissingExtraError(IntervisError, ImportError):
             f"{purpose} needs the package {package!r}: install it with"
             f" pip install 'intervis[{extra}]'."
         )
+        self._parts = (package, extra, purpose)
+
+    def __reduce__(self) -> tuple[type[Self], tuple[str, str, str]]:
+        return type(self), self._parts  # errors of worker processes are pickled

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
@@ -10,23 +11,48 @@ from typing import BinaryIO
 from intervis.errors import OutputError
 
 
-def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Call `write` on a file that gets its name only when it is complete.
-
-    Until then it is ``.NAME.part`` in the same folder. A failure removes this file; one that a
-    killed process has left is overwritten by the next attempt.
+def check_replaceable(path: Path) -> Path:
+    """The file that a write to `path` creates or replaces: links are followed to their target.
 
     Raises
     ------
     OutputError
-        The system refuses: disk full, no permission, not a folder.
+        Something that is no regular file stands there (a folder, a device, a pipe), or the path
+        cannot be looked up.
     """
-    part = path.with_name(f".{path.name}.part")
     try:
+        target = Path(os.path.realpath(path))
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return target
+    except OSError as error:
+        raise OutputError(_write_failure(path, error)) from None
+    if stat.S_ISDIR(mode):
+        raise OutputError(f"{path} is a folder: give the path of a file.")
+    if not stat.S_ISREG(mode):
+        raise OutputError(f"{path} is a device, a pipe or a socket: give the path of a file.")
+    return target
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Call `write` on a file that gets its name only when it is complete.
+
+    Until then it is ``.NAME.part`` in the same folder. A failure removes this file; one that a
+    killed process has left is replaced by the next attempt. A link is kept and its target written.
+
+    Raises
+    ------
+    OutputError
+        The system refuses: disk full, no permission, not a folder; or `path` is no regular file.
+    """
+    target = check_replaceable(path)
+    part = target.with_name(f".{target.name}.part")
+    try:
+        part.unlink(missing_ok=True)  # never written through, should it be a link or a pipe
         try:
-            with open(part, "wb") as file:
+            with open(part, "xb") as file:
                 write(file)
-            os.replace(part, path)
+            os.replace(part, target)
         except BaseException:
             with contextlib.suppress(OSError):
                 part.unlink(missing_ok=True)
@@ -45,6 +71,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     OutputError
         As `write_whole`.
     """
+    check_replaceable(path)
     try:
         if path.is_file() and path.read_bytes() == content:
             return
@@ -59,6 +86,27 @@ def write_text(path: Path, text: str) -> None:
     # The text may hold a file name that is not valid UTF-8: its bytes are written escaped.
     content = text.encode("utf-8", errors="backslashreplace")
     write_whole(path, lambda file: file.write(content))
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, with its parents, and check that files can be written into it.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made or written to.
+    """
+    probe = path / ".intervis.part"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe.unlink(missing_ok=True)
+        open(probe, "xb").close()
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(
+            f"cannot write in {path}: {(error.strerror or str(error)).lower()}; choose another"
+            " folder."
+        ) from None
 
 
 def _write_failure(path: Path, error: OSError) -> str:

@@ -1,4 +1,4 @@
-"""How long-running functions report progress: one convention for library and laboratory.
+"""How long-running functions report progress: one convention for the library and `intervis.lab`.
 
 A function that may run for seconds takes ``progress: Progress | None = None`` and calls it once
 after each finished step, with a short note that names the step.

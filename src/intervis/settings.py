@@ -131,6 +131,8 @@ class Settings(BaseModel):
             raise SettingsError(f"cannot read the settings {path}: {error.strerror}.") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SettingsError(f"{path} is not valid TOML: {error}.") from None
+        except RecursionError:
+            raise SettingsError(f"{path} is nested too deeply to be settings.") from None
         try:
             return cls(**values)
         except SettingsError as error:

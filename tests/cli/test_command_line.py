@@ -71,6 +71,17 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"intervis {intervis.__version__}\n"
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_streams_are_no_error(closed, drive, tmp_path):
+    for words in ("--version", "--help", f"run {drive} --out {tmp_path / 'out'}"):
+        done = subprocess.run(
+            ["sh", "-c", f'exec "$0" -c "$1" {words} {closed}', PROGRAM[0], PROGRAM[2]],
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+
+
 # Output
 
 
@@ -143,6 +154,26 @@ def test_overwrite_starts_anew(drive, tmp_path, capsys):
     assert exit_code(["run", str(drive), "--out", out]) == 0
     assert exit_code(["run", str(drive), "--out", out, "--tau", "9"]) == 2
     assert exit_code(["run", str(drive), "--out", out, "--tau", "9", "--overwrite"]) == 0
+
+
+@pytest.mark.parametrize("mine", ["index.html", "measures.csv", "pictures/scan.png"])
+def test_a_report_replaces_no_file_of_other_origin(mine, drive, tmp_path, capsys):
+    out = tmp_path / "out"
+    (out / mine).parent.mkdir(parents=True)
+    (out / mine).write_text("mine")
+    assert exit_code(["run", str(drive), "--out", str(out), "--report"]) == 2
+    assert f"{out / mine} was not written by an earlier report" in capsys.readouterr().err
+    assert list(files_below(out)) == [mine]
+
+
+@pytest.mark.parametrize("more", [[], ["--overwrite"]])
+def test_the_users_own_settings_are_not_replaced(more, drive, tmp_path, capsys):
+    mine = tmp_path / "settings.toml"
+    mine.write_text("# my settings\ntau = 7\n")
+    command = ["run", str(drive), "--out", str(tmp_path), "--settings", str(mine), *more]
+    assert exit_code(command) == 2
+    assert "choose another folder" in capsys.readouterr().err
+    assert mine.read_text() == "# my settings\ntau = 7\n"
 
 
 # One-line messages

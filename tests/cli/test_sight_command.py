@@ -1,5 +1,6 @@
 """`intervis sight`: a wall with known answers, and scans registered by their poses."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,8 @@ def test_the_blocker_is_on_the_wall(wall, capsys):
     ("words", "said"),
     [
         (["--from", "camera", "--to", "1,2,3"], "no camera: give --from as X,Y,Z"),
+        (["--from", "0,0,0", "--to", "camera"], "no camera: give --to as X,Y,Z"),
+        (["--from", "0,0,0", "--to", "1,2,3", "--picture", "x.notaformat"], ".png or .svg"),
         (["--from", "driver", "--to", "1,2,3"], "--from must be X,Y,Z in metres"),
         (["--from", "0,0,0", "--to", "1,2"], "--to must be X,Y,Z in metres"),
         (["--from", "0,0,0", "--to", "1,2,inf"], "--to must be three finite numbers"),
@@ -85,3 +88,20 @@ def test_the_picture_is_written(wall, tmp_path, capsys):
     assert f"Picture: {path}" in capsys.readouterr().out
     assert exit_code([*command[:-1], str(tmp_path / "nowhere" / "seen.png")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_picture_has_the_format_of_its_name(wall, tmp_path):
+    path = tmp_path / "seen.svg"
+    command = ["sight", str(wall), "--from", "30,1,0", "--to", "sensor", "--picture", str(path)]
+    assert exit_code(command) == 0
+    assert path.read_text().startswith("<?xml")
+
+
+def test_a_picture_is_never_put_in_place_of_a_pipe(wall, tmp_path, capsys, monkeypatch):
+    pipe = tmp_path / "seen.png"
+    os.mkfifo(pipe)
+    monkeypatch.setattr("intervis.drives.open_drive", None)  # refused before the work
+    command = ["sight", str(wall), "--from", "sensor", "--to", "30,1,0", "--picture", str(pipe)]
+    assert exit_code(command) == 2
+    assert "give the path of a file" in capsys.readouterr().err
+    assert pipe.is_fifo()

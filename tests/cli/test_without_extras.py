@@ -49,7 +49,10 @@ def test_a_sight_line_is_answered(drive):
 @pytest.mark.parametrize(
     ("words", "extra"),
     [
-        (["sight", "{drive}", "--from", "sensor", "--to", "5,0,0", "--picture", "{out}"], "plots"),
+        (
+            ["sight", "{drive}", "--from", "sensor", "--to", "5,0,0", "--picture", "{out}.png"],
+            "plots",
+        ),
         (["run", "{pcd}", "--out", "{out}"], "pcd"),
         (["demo", "--out", "{out}"], "lab"),
         (["simulate", "--out", "{out}"], "lab"),
@@ -64,3 +67,4 @@ def test_what_needs_an_extra_names_it_in_one_line(words, extra, drive, tmp_path)
     lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
     assert len(lines) == 1, done.stderr
     assert f"pip install 'intervis[{extra}]'" in lines[0]
+    assert not done.stdout, "the work has been done before the extra was looked for"

@@ -43,10 +43,30 @@ def test_names_without_unique_numbers_are_taken_in_order_with_a_warning(tmp_path
     for number, name in enumerate(sorted(names)):
         write_scan(tmp_path / f"{name}.bin", number)
     drive = open_drive(tmp_path)
-    assert "contain no unique frame numbers" in caplog.text
+    assert "contain no frame numbers that increase" in caplog.text
     assert drive.frame_numbers == (0, 1, 2)
     for frame in drive:
         assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
+
+
+def test_scans_named_by_timestamps_are_in_the_order_of_time(tmp_path):
+    """The last digits are milliseconds: they are unique and start anew each second."""
+    names = ["2021-10-26-16-21-29-868", "2021-10-26-16-21-29-968", "2021-10-26-16-21-30-068"]
+    for number, name in enumerate(names):
+        write_scan(tmp_path / f"{name}.bin", number)
+    write_text(tmp_path / "poses.txt", "\n".join(pose_line(n) for n in range(3)))
+    drive = open_drive(tmp_path)
+    assert drive.frame_numbers == (0, 1, 2)
+    for frame in drive:
+        assert frame.scan_path.stem == names[frame.number]
+        assert np.array_equal(frame.points, scan_rows(frame.number)[:, :3])
+        assert frame.pose[0, 3] == frame.number
+
+
+@pytest.mark.parametrize("path", [None, 5, b"drive", "~nobody-of-this-name/drive", "a\0b"])
+def test_what_is_no_path_is_a_drive_error(path):
+    with pytest.raises(DriveError):
+        open_drive(path)
 
 
 def test_numbered_names_log_nothing(tmp_path, caplog):

@@ -5,6 +5,7 @@ import errno
 import gc
 import json
 import os
+import re
 import resource
 import weakref
 import zipfile
@@ -631,3 +632,13 @@ def test_real_drives_run(tmp_path, shared_data):
             m = record.measures
             assert m["n"] == -(-m["n_fov"] // 35)
             assert 100_000 < m["n_raw"] < 130_000
+
+
+def test_the_guide_lists_every_array_and_entry_of_a_run(tmp_path):
+    guide = (Path(__file__).parents[2] / "docs" / "run.md").read_text()
+    named = set(re.findall(r"`(\w+)`", guide))
+    run_drive(MemoryDrive((0,), poses={0: np.eye(4)}), tmp_path)
+    arrays = load_frame(frame_path(tmp_path, 0))
+    assert {"cam_from_velo", "world_from_velo", "timestamp_ns", "tau"} <= set(arrays)
+    assert set(arrays) <= named
+    assert set(json.loads((tmp_path / "summary.json").read_text())) <= named

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from made_scans import street_scan
 
-from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Sight
+from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight, explain
 from intervis.sight.explanation import explanation_of
 
 START, END = np.zeros(3), np.array([3.0, 4.0, 0.0])
@@ -42,9 +43,24 @@ def answer(state, probability, clearance_m, blocker=(np.nan,) * 3):
             0.0,
             ["Occluded: ", "of 2 %", "2.5 m from", "at (1.5, 2.0, 0.0)", "0.3 m higher"],
         ),
+        (
+            answer(OCCLUDED, 0.02, -0.01, (1.5, -0.001, 0.0)),
+            0.0,
+            ["pass less than 0.1 m higher", "at (1.5, 0.0, 0.0)"],
+        ),
+        (
+            answer(VISIBLE, 0.9, 0.001),
+            4.99,
+            ["crossed less than 0.1 of its 5.0 m", "clears the nearest surface by less than 0.1 m"],
+        ),
+        (answer(UNKNOWN, np.nan, np.inf), 0.0, ["Unknown: the ends are too far apart"]),
         (answer(OCCLUDED, 0.001, -0.3), 0.0, ["less than 1 %", "has no single position"]),
-        (answer(UNKNOWN, 0.6, 0.2), 0.1, ["Unknown: ", "60 %", "neither answer is certain"]),
-        (answer(UNKNOWN, 0.95, np.inf), 3.2, ["No scan observed 3.2 of its 5.0 m"]),
+        (answer(UNKNOWN, 0.6, 0.2), 0.1, ["Unknown: not decided", "60 %", "disagree"]),
+        (
+            answer(UNKNOWN, 0.95, np.inf),
+            3.2,
+            ["not observed; from prior", "95 %", "3.2 of its 5.0 m"],
+        ),
     ],
 )
 def test_each_answer_has_its_words(given, unobserved_m, words):
@@ -59,3 +75,22 @@ def test_the_numbers_stand_beside_the_words():
     blocked = explanation_of(START, END, answer(OCCLUDED, 0.02, -0.3, (1.5, 2.0, 0.0)), 0.0)
     assert (blocked.state, blocked.length_m, blocked.blocker_m) == (OCCLUDED, 5.0, 2.5)
     assert blocked.clearance_m == -0.3
+
+
+@pytest.mark.parametrize("state", [VISIBLE, OCCLUDED, UNKNOWN])
+def test_no_length_is_printed_as_nothing(state):
+    blocker = START if state == OCCLUDED else (np.nan,) * 3
+    said = str(explanation_of(START, START, answer(state, 0.9, 0.0, blocker), 0.0))
+    assert "0.0 m" not in said
+    assert "0.0 of" not in said
+    assert "less than 0.1 m" in said
+
+
+def test_a_line_of_absurd_length_has_no_answer():
+    scene = Scene.from_scan(street_scan())
+    for far in (1e12, 1e200, 1e308):
+        said = str(explain(scene, [-far, 0, 0], [far, 0, 0]))
+        assert said.startswith("Unknown: ")
+        assert "nan" not in said
+        assert "inf" not in said
+        assert len(said) < 250

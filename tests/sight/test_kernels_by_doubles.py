@@ -224,9 +224,9 @@ def test_a_blocker_is_where_the_line_meets_the_wall(y, z, away, x_wall):
     scene = Scene.from_scan(street_scan(boxes=box, noise_m=0.0, step_deg=0.4, beams=32))
     start, end = np.array([2.0, 0.0, -0.4]), np.array([x_wall + away - 6.0, y, z])
     sight = scene.sight(start, end[None])
-    if sight.occluded[0]:
-        expected = start + (x_wall - start[0]) / (end[0] - start[0]) * (end - start)
-        assert sight.blocker[0] == pytest.approx(expected, abs=0.12)
+    assert sight.occluded[0]
+    expected = start + (x_wall - start[0]) / (end[0] - start[0]) * (end - start)
+    assert sight.blocker[0] == pytest.approx(expected, abs=0.12)
 
 
 def test_near_and_far_limits_of_the_sensor_are_kept(rng):

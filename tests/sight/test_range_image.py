@@ -145,6 +145,15 @@ def test_sensors_that_make_no_sense_are_refused():
         "divergence_deg": 0.1,
     }
     assert Sensor(**good).beam_spacing_deg == 6.0
-    for bad in ({"beams": 0}, {"lowest_deg": 9.0}, {"max_range_m": 0.5}, {"azimuth_step_deg": 0.0}):
+    values = (np.nan, np.inf, "64", None, True)
+    odd = [{name: value} for name in good if name != "name" for value in values]
+    for bad in (
+        {"beams": 0},
+        {"beams": 1.5},
+        {"lowest_deg": 9.0},
+        {"max_range_m": 0.5},
+        {"azimuth_step_deg": 0.0},
+        *odd,
+    ):
         with pytest.raises(SettingsError):
             Sensor(**(good | bad))

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_scans import street_scan, turned
 
+from intervis import Frame, analyze
 from intervis.errors import PointsError, PoseError, SceneError, SettingsError
-from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
+from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sensor, Sight
 
 coordinate = st.floats(-60.0, 60.0, allow_nan=False)
 point = st.tuples(coordinate, coordinate, st.floats(-3.0, 8.0, allow_nan=False))
@@ -110,6 +111,62 @@ def test_masks_length_and_indexing_follow_the_states(scene, rng):
     assert many[many.visible].blocker.shape == (np.count_nonzero(many.visible), 3)
 
 
+def made_sight(shape) -> Sight:
+    """Answers that carry their own flat index: line k has probability k and blocker (k, k, k)."""
+    number = np.arange(np.prod(shape, dtype=int), dtype=np.float64).reshape(shape)
+    state = (number % 3 - 1).astype(np.int8)
+    return Sight(state, number, np.stack([number] * 3, axis=-1), -number)
+
+
+index = st.integers(-2, 1)
+keys = st.one_of(
+    index,
+    st.slices(2),
+    st.just(Ellipsis),
+    st.none(),
+    st.lists(index, max_size=4).map(lambda chosen: np.array(chosen, dtype=np.int64)),
+)
+
+
+@given(
+    shape=st.sampled_from([(2,), (2, 2), (2, 3)]),
+    key=st.one_of(keys, st.tuples(keys), st.tuples(keys, keys), st.tuples(keys, keys, keys)),
+)
+def test_every_index_takes_the_same_lines_of_every_array(shape, key):
+    sight = made_sight(shape)
+    try:
+        chosen = np.asarray(sight.probability[key])
+    except IndexError:  # too many indices, or two ellipses
+        with pytest.raises(IndexError):
+            sight[key]
+        return
+    part = sight[key]
+    assert np.array_equal(part.probability, chosen)
+    assert np.array_equal(part.state, chosen % 3 - 1)
+    assert np.array_equal(part.clearance, -chosen)
+    assert np.array_equal(part.blocker, np.stack([chosen] * 3, axis=-1))
+
+
+def test_a_mask_takes_the_same_lines_of_every_array():
+    sight = made_sight((2, 3))
+    for key in (sight.visible, (slice(None), np.array([True, False, True])), ([True, False], 2)):
+        chosen = sight.probability[key]
+        assert np.array_equal(sight[key].blocker, np.stack([chosen] * 3, axis=-1))
+
+
+def test_a_sight_iterates_over_its_first_axis_and_has_no_truth_value():
+    lines = list(made_sight((3,)))
+    assert [float(one.probability) for one in lines] == [0.0, 1.0, 2.0]
+    assert all(one.blocker.shape == (3,) for one in lines)
+    assert [one.state.shape for one in made_sight((2, 3))] == [(3,), (3,)]
+    for sight in (made_sight((3,)), lines[0], made_sight((0,))):
+        with pytest.raises(TypeError, match="masks visible, occluded and unknown"):
+            bool(sight)
+    for act in (len, iter, list):
+        with pytest.raises(TypeError, match="one line"):
+            act(lines[0])
+
+
 def test_scenes_and_sights_print_what_they_hold(scene):
     assert repr(scene).startswith("<Scene: 3 scans, ")
     assert repr(scene).endswith(" MB>")
@@ -147,17 +204,39 @@ def test_input_is_never_changed(rng):
 
 
 @pytest.mark.parametrize(
-    "viewpoint", [[np.nan, 0, 0], [np.inf, 0, 0], [0.0, 0], "here", [[np.nan, 0.0, 0.0]]]
+    "viewpoint",
+    [[np.nan, 0, 0], [np.inf, 0, 0], [0.0, 0], "here", [[np.nan, 0.0, 0.0]], [[0, 0], [0]]],
 )
 def test_a_bad_viewpoint_is_one_clear_error(scene, viewpoint):
     with pytest.raises(PointsError):
         scene.sight(viewpoint, np.zeros((2, 3)))
 
 
-@pytest.mark.parametrize("targets", [np.zeros(3), np.zeros((2, 2)), np.zeros((1, 2, 3)), ["a"]])
+@pytest.mark.parametrize(
+    "targets", [np.zeros(4), np.zeros((2, 2)), np.zeros((1, 2, 3)), ["a"], "abc", [[1, 2, 3], [1]]]
+)
 def test_targets_of_a_wrong_shape_are_one_clear_error(scene, targets):
     with pytest.raises(PointsError):
         scene.sight([0.0, 0, 0], targets)
+
+
+@pytest.mark.parametrize("target", [[5, 0, 0], np.array([5.0, 0, 0], np.float32)])
+def test_one_point_is_one_target(scene, target):
+    one = scene.sight([0, 0, 1], target)
+    assert one.state.shape == (1,)
+    assert same(one, scene.sight([0, 0, 1], np.asarray(target, float)[None]))
+    assert same(one, scene.sight_lines([0, 0, 1], target))
+    assert scene.sight(np.ones((2, 3)), target).blocker.shape == (2, 1, 3)
+    with pytest.raises(PointsError, match="1 starts and 2 ends"):
+        scene.sight_lines([0, 0, 1], [target, target])
+    assert len(scene.sight_within([0.0, 0, 0], target, 9.0)[2]) == 1
+
+
+def test_a_frame_in_place_of_its_points_is_told(scene):
+    frame = Frame(number=0, points=street_scan())
+    for act in (scene.add, Scene.from_scan, analyze):
+        with pytest.raises(PointsError, match=r"pass frame\.points"):
+            act(frame)
 
 
 def test_targets_that_are_not_finite_are_unknown(scene):
@@ -192,6 +271,44 @@ def test_settings_out_of_range_are_refused():
         Scene(sensor="HDL-65E")
     with pytest.raises(SettingsError):
         Scene.from_scan(street_scan()).sight_within([[0.0, 0, 0]], [[1.0, 0, 0]], np.nan)
+
+
+NO_NUMBERS = [np.nan, np.inf, -np.inf, "noon", None, [1.0, 2.0], 10**400]
+
+
+@pytest.mark.parametrize("value", [-1.0, 0, *NO_NUMBERS])
+def test_a_range_is_a_positive_length(scene, value):
+    if value is not None:
+        with pytest.raises(SettingsError, match="max_range_m"):
+            scene.sight([0.0, 0, 0], [[1.0, 0, 0]], max_range_m=value)
+    with pytest.raises(SettingsError, match="max_range_m"):
+        scene.sight_within([[0.0, 0, 0]], [[1.0, 0, 0]], value)
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.1, "x", *NO_NUMBERS])
+def test_the_smallest_probability_is_a_probability(scene, value):
+    with pytest.raises(SettingsError, match="visible_from"):
+        scene.sight([0.0, 0, 0], [[1.0, 0, 0]], visible_from=value)
+
+
+@pytest.mark.parametrize("value", [value for value in NO_NUMBERS if value is not None])
+def test_times_are_finite_numbers(value):
+    scene = Scene()
+    with pytest.raises(SettingsError, match="timestamp_s"):
+        scene.add(street_scan(), None, value)
+    scene.add(street_scan(), None, 0.0)
+    with pytest.raises(SettingsError, match="moment_s"):
+        scene.sight([0.0, 0, 0], [[1.0, 0, 0]], moment_s=value)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"sensor": 5}, {"sensor": Sensor}]
+    + [{name: v} for name in ("max_scans", "max_bytes") for v in (1.5, "many", None, True, -1)],
+)
+def test_a_scene_checks_its_options_at_once(options):
+    with pytest.raises(SettingsError, match=next(iter(options))):
+        Scene(**options)
 
 
 def test_a_moment_needs_to_know_when_each_scan_was_taken():

@@ -24,7 +24,7 @@ COMMANDS = {
 }
 """Module of each command; the function has the name of the command.
 
-Modules are imported when a command is called, so the library does not depend on the laboratory.
+Modules are imported when a command is called, so the library does not depend on `intervis.lab`.
 """
 
 

@@ -1,10 +1,12 @@
 """Values of options: viewpoints, frame ranges, settings, output files."""
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from intervis.errors import OutputError, PointsError, SettingsError
+from intervis.files import check_replaceable
 
 if TYPE_CHECKING:
     from intervis.settings import Settings
@@ -125,17 +127,42 @@ def _value(text: str) -> Any:
     return text
 
 
+PICTURE_KINDS = (".png", ".svg")
+
+
+def check_picture_file(path: Path | None) -> None:
+    """Check before the work that a picture can be drawn and written.
+
+    Raises
+    ------
+    OutputError
+        The name does not end in .png or .svg; or as `check_output_file`.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    if path is None:
+        return
+    if path.suffix.lower() not in PICTURE_KINDS:
+        raise OutputError(f"a picture must be named .png or .svg at its end, got {path}.")
+    check_output_file(path)
+    from intervis.plots.style import require_matplotlib
+
+    require_matplotlib()
+
+
 def check_output_file(path: Path | None) -> None:
     """Check before the work that an output file can be written.
 
     Raises
     ------
     OutputError
-        The path is a folder, or its folder does not exist.
+        The path is no regular file (a folder, a device, a pipe), or its folder does not exist or
+        cannot be written to.
     """
     if path is None:
         return
-    if path.is_dir():
-        raise OutputError(f"{path} is a folder: give the path of a file.")
-    if not path.parent.is_dir():
-        raise OutputError(f"cannot write {path}: there is no folder {path.parent}.")
+    target = check_replaceable(path)
+    if not target.parent.is_dir():
+        raise OutputError(f"cannot write {path}: there is no folder {target.parent}.")
+    if not os.access(target.parent, os.W_OK):
+        raise OutputError(f"cannot write {path}: permission denied.")

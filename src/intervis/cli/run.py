@@ -75,6 +75,10 @@ def run(
     from intervis.run.stream import run_drive, selected_frames
 
     drive = open_drive(source, camera=camera)
+    if report:
+        from intervis.run.report import check_report
+
+        check_report(out, out)
     _note_missing_camera(drive, origin)
     total = len(selected_frames(drive.frame_numbers, frame_range))
     try:

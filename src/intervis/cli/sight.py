@@ -30,7 +30,8 @@ def sight(
         ),
     ],
     end: Annotated[
-        str, typer.Option("--to", metavar="X,Y,Z", help="End, in the same frame, metres.")
+        str,
+        typer.Option("--to", metavar="X,Y,Z|camera|sensor", help="End, in the same form."),
     ],
     frame: Annotated[
         int | None,
@@ -45,7 +46,7 @@ def sight(
     picture: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE.png",
+            metavar="FILE.png|FILE.svg",
             help="Draw the sight line, and the returns that are visible from its start.",
         ),
     ] = None,
@@ -56,10 +57,8 @@ def sight(
     Prints its state, the probability that it is open, the blocker, and the clearance.
     """
     frame_range = options.frame_range(frames)
-    to_point = options.coordinates(end, "--to")
-    named = start if start in ("camera", "sensor") else None
-    from_point = None if named else options.coordinates(start, "--from")
-    options.check_output_file(picture)
+    given_start, given_end = _place(start, "--from"), _place(end, "--to")
+    options.check_picture_file(picture)
 
     import numpy as np
 
@@ -68,7 +67,8 @@ def sight(
 
     drive = open_drive(source, camera=camera)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
-    from_point = from_point or _named_point(now, named)
+    from_point = _in_frame(now, given_start, "--from")
+    to_point = _in_frame(now, given_end, "--to")
     numbers = _other_frames(drive, now, frame_range)
     with progress("scans", len(numbers) + 2) as advance:
         scene = registered_scene(drive, now, numbers, advance)
@@ -84,13 +84,20 @@ def sight(
         show(f"Picture: {picture}")
 
 
-def _named_point(frame: "Frame", name: str | None) -> Point:
+def _place(text: str, option: str) -> str | Point:
+    """A name, unchanged, or coordinates."""
+    return text if text in ("camera", "sensor") else options.coordinates(text, option)
+
+
+def _in_frame(frame: "Frame", place: str | Point, option: str) -> Point:
     from intervis.errors import DriveError
 
-    if name == "sensor":
+    if not isinstance(place, str):
+        return place
+    if place == "sensor":
         return 0.0, 0.0, 0.0
     if frame.camera is None:
-        raise DriveError("this drive has no camera: give --from as X,Y,Z, or sensor.")
+        raise DriveError(f"this drive has no camera: give {option} as X,Y,Z, or sensor.")
     x, y, z = frame.viewpoint_velo.tolist()
     return x, y, z
 
@@ -159,4 +166,4 @@ def _draw(
     points = now.points[finite_rows(now.points)]
     answers = scene.sight(start, points, moment_s=moment_s)
     figure = sight_from_above(points, answers, np.array(start), explained, np.array(end))
-    save_figure(figure, path)
+    save_figure(figure, path, path.suffix[1:].lower())

@@ -14,6 +14,8 @@ class InterruptedRunError(Exception):
 
 def show(text: str) -> None:
     """Print a result; a closed pipe is no error, as the files are written."""
+    if sys.stdout is None:  # closed by the caller
+        return
     try:
         print(text)
         sys.stdout.flush()
@@ -29,6 +31,8 @@ def _silence_stdout() -> None:
 
 def tell(text: str) -> None:
     """Print a note on stderr."""
+    if sys.stderr is None:
+        return
     with contextlib.suppress(BrokenPipeError):
         print(text, file=sys.stderr, flush=True)
 
@@ -44,7 +48,7 @@ def progress(work: str, total: int) -> Iterator[Progress]:
 
     Yields the callback that counts one step as done and shows its note beside the bar.
     """
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield silent
         return
     from rich import progress as rich_progress

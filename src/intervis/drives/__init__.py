@@ -68,9 +68,14 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     ...     drive.frame_numbers, drive[5].points.shape
     ((3, 5), (7, 3))
     """
-    given = Path(path).expanduser()
     try:
-        if not given.exists():
+        given = Path(path).expanduser()
+    except TypeError:
+        raise DriveError(f"the path of a drive must be a text or a Path, got {path!r}.") from None
+    except RuntimeError:  # ~name of an unknown user
+        given = Path(path)
+    try:
+        if "\0" in str(given) or not given.exists():
             raise DriveError(f"there is nothing at {given}: check the path.")
         root = given.resolve()
         if root.is_file():

@@ -1,5 +1,6 @@
 """Writing KITTI's raw layout: paths and contents of a drive's files."""
 
+import re
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -10,6 +11,7 @@ from intervis.arrays import Float32Array, Float64Array
 
 DATE, DRIVE = "2011_09_26", "2011_09_26_drive_0001_sync"
 START = datetime(2011, 9, 26, 13, 2, 25)
+FRAME_FILE = re.compile(r"[0-9]{10}\.(bin|png)|\.[0-9]{10}\.(bin|png)\.part")
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,14 @@ class Layout:
         return {*map(self.scan, numbers), *map(self.image, numbers)}
 
     def frame_files(self) -> list[Path]:
-        """All scans and images that exist, sorted by path."""
+        """The scans and images that exist, half written ones too, sorted by path."""
         folders = [self.scan(0).parent, self.image(0).parent]
-        return sorted(path for folder in folders for path in folder.glob("*") if path.is_file())
+        return sorted(
+            path
+            for folder in folders
+            for path in folder.glob("*")
+            if FRAME_FILE.fullmatch(path.name) and path.is_file()
+        )
 
 
 def scan_bytes(points: Float32Array, intensity: Float32Array) -> bytes:

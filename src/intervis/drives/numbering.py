@@ -7,6 +7,7 @@ missing file must not shift the matches of the others.
 import logging
 import re
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
@@ -58,7 +59,9 @@ def numbered_scans(root: Path, folder: str, expected_files: str) -> dict[int, Pa
 
 
 def numbered_by_name(paths: Iterable[Path]) -> dict[int, Path]:
-    """Files by the last digits in their names; from 0 in sorted order if these are not unique.
+    """Files by the last digits in their names, if these increase in the order of the names.
+
+    Otherwise from 0 in that order. Digits in names are compared as numbers: scan_9 before scan_10.
 
     Examples
     --------
@@ -66,19 +69,27 @@ def numbered_by_name(paths: Iterable[Path]) -> dict[int, Path]:
     [9, 12]
     >>> list(numbered_by_name([Path("kerb.ply"), Path("bridge.ply")]))
     [0, 1]
+    >>> list(numbered_by_name([Path("16-21-30-068.pcd"), Path("16-21-29-868.pcd")]))
+    [0, 1]
     """
-    ordered = sorted(paths)
+    ordered = sorted(paths, key=_by_numbers)
     digits = [re.findall(r"[0-9]+", path.name.split(".")[0]) for path in ordered]
     numbers = [int(found[-1]) for found in digits if found]
-    if len(set(numbers)) == len(ordered):
-        return dict(sorted(zip(numbers, ordered, strict=True)))
+    if len(numbers) == len(ordered) and all(a < b for a, b in pairwise(numbers)):
+        return dict(zip(numbers, ordered, strict=True))
     log.warning(
-        "the names of the %d scans in %s contain no unique frame numbers: the scans are numbered"
-        " from 0 in sorted order.",
+        "the names of the %d scans in %s contain no frame numbers that increase: the scans are"
+        " numbered from 0 in the order of their names.",
         len(ordered),
         ordered[0].parent,
     )
     return dict(enumerate(ordered))
+
+
+def _by_numbers(path: Path) -> tuple[list[str | int], str]:
+    """Sorting key of a name: texts and numbers in turn, then the whole name."""
+    parts = re.split(r"([0-9]+)", path.name.split(".")[0])
+    return [int(part) if nth % 2 else part for nth, part in enumerate(parts)], path.name
 
 
 def lines_by_number(

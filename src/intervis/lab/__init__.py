@@ -1,4 +1,4 @@
-"""The laboratory: simulated worlds, accuracy evaluation and the experiments of the paper.
+"""What uses the library: simulated worlds, accuracy evaluation and the experiments of the paper.
 
 The library never imports it.
 """

@@ -41,6 +41,20 @@ _TEXT: Any = {
 }
 
 
+def require_matplotlib() -> None:
+    """Raise before the work where no picture can be drawn.
+
+    Raises
+    ------
+    MissingExtraError
+        matplotlib (extra ``plots``) is not installed.
+    """
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plots", "Drawing pictures") from None
+
+
 @contextlib.contextmanager
 def page_figure(height_in: float, **subplots: Any) -> Iterator[tuple["Figure", Any]]:
     """A figure of page width and its axes, without a display; the style holds in the context.
@@ -57,12 +71,11 @@ def page_figure(height_in: float, **subplots: Any) -> Iterator[tuple["Figure", A
     MissingExtraError
         matplotlib (extra ``plots``) is not installed.
     """
-    try:
-        import matplotlib
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtraError("matplotlib", "plots", "Drawing pictures") from None
+    require_matplotlib()
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     with matplotlib.rc_context(_TEXT):
         figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained")
         FigureCanvasAgg(figure)

@@ -117,6 +117,25 @@ def report_run(
     return RunReport((*texts, *(picture.path for picture in pictures)), missing)
 
 
+def check_report(out: Path, run: Path) -> None:
+    """Raise before the work where a report would replace files and the folder `run` holds no run.
+
+    Raises
+    ------
+    OutputError
+        The first of these files was not written by a report.
+    """
+    if (run / "summary.json").exists():
+        return
+    names = ["index.html", "measures.md", "measures.csv", *(f"pictures/{n}.png" for n in PICTURES)]
+    for path in (out / name for name in names):
+        if path.exists() or path.is_symlink():
+            raise OutputError(
+                f"{path} was not written by an earlier report and was not changed: choose another"
+                " output folder."
+            )
+
+
 def report_steps(drive: "Drive", *, with_sight: bool = False) -> int:
     """Number of steps that `report_run` reports: the pictures, and the page."""
     return len(PICTURES) - (drive.camera is None) - (not with_sight) + 1

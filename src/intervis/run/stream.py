@@ -304,11 +304,17 @@ def _prepare(out: Path, head: Mapping[str, Any], settings: Settings, *, overwrit
                 f"{out} holds frames of a run whose summary.json is missing, so their input and"
                 " settings are unknown: choose another folder, or overwrite it."
             )
+        chosen = settings.to_toml()
+        if earlier is None and _differs(out / "settings.toml", chosen):
+            raise OutputError(
+                f"{out / 'settings.toml'} was not written by a run of these settings and was not"
+                " changed: choose another folder."
+            )
         (out / "frames").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write in {out}: {(error.strerror or '').lower()}.") from None
     if earlier is None:
-        write_text(out / "settings.toml", settings.to_toml())
+        write_text(out / "settings.toml", chosen)
         write_text(out / "summary.json", as_json(summarize(head, [], [], complete=False)))
         return
     differing = differences(earlier, head)
@@ -319,8 +325,15 @@ def _prepare(out: Path, head: Mapping[str, Any], settings: Settings, *, overwrit
         )
 
 
+def _differs(path: Path, content: str) -> bool:
+    """Whether a file exists and holds something else."""
+    return path.exists() and path.read_bytes() != content.encode()
+
+
 def _remove_run(out: Path) -> None:
-    """Remove the files that a run writes, and no others."""
+    """Remove the files of a run, if there is one, and no others."""
+    if not ((out / "summary.json").exists() or any((out / "frames").glob("*.npz"))):
+        return
     for pattern in ("summary.json", "settings.toml", "frames/*.npz", "frames/.*.npz.part"):
         for path in out.glob(pattern):
             path.unlink()

@@ -126,7 +126,7 @@ def read_summary(path: Path) -> Content | None:
         return None
     except OSError as error:
         raise OutputError(f"cannot read {path}: {(error.strerror or '').lower()}.") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict) or "settings" not in content:
         raise OutputError(

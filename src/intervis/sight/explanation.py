@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # help() then shows ArrayLike by its name
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,18 +89,19 @@ def explanation_of(
         Length of the line that no scan observed, metres.
     """
     state, probability = int(sight.state[0]), float(sight.probability[0])
-    length_m = float(np.linalg.norm(end - start))
+    length_m = math.dist(start, end)
     blocker, clearance_m = sight.blocker[0], float(sight.clearance[0])
-    blocker_m = float(np.linalg.norm(blocker - start))
-    if state == OCCLUDED:
-        words = _occluded(blocker, blocker_m, length_m, clearance_m)
+    blocker_m = math.dist(start, blocker)
+    if math.isnan(probability):
+        text = "Unknown: the ends are too far apart for an answer."
+    elif state == OCCLUDED:
+        text = _occluded(probability, blocker, blocker_m, length_m, clearance_m)
     elif state == VISIBLE:
-        words = _visible(length_m, clearance_m, unobserved_m)
+        text = _visible(probability, length_m, clearance_m, unobserved_m)
     else:
-        words = _unknown(length_m, unobserved_m)
-    name = {OCCLUDED: "Occluded", VISIBLE: "Visible"}.get(state, "Unknown")
+        text = _unknown(probability, length_m, unobserved_m)
     return Explanation(
-        f"{name}: visible with a probability of {_percent(probability)}. {words}",
+        text,
         state,
         probability,
         length_m,
@@ -119,34 +121,49 @@ def _percent(probability: float) -> str:
     return f"{100 * probability:.0f} %"
 
 
+def _metres(length_m: float) -> str:
+    """Rounded length without its unit, never 0.0."""
+    return "less than 0.1" if length_m < 0.05 else f"{length_m:.1f}"
+
+
 def _place(point: Float64Array) -> str:
-    return "(" + ", ".join(f"{value:.1f}" for value in point) + ")"
+    return "(" + ", ".join(f"{round(float(value), 1) + 0.0:.1f}" for value in point) + ")"
 
 
-def _occluded(blocker: Float64Array, at_m: float, length_m: float, clearance_m: float) -> str:
+def _occluded(
+    probability: float, blocker: Float64Array, at_m: float, length_m: float, clearance_m: float
+) -> str:
+    answer = f"Occluded: visible with a probability of {_percent(probability)}."
     if not np.isfinite(blocker).all():
-        return "Its blocker has no single position."
+        return f"{answer} Its blocker has no single position."
     return (
-        f"An observed surface occludes the line {at_m:.1f} m from the viewpoint (of"
-        f" {length_m:.1f} m), at {_place(blocker)}; the line would have to pass"
-        f" {abs(clearance_m):.1f} m higher, lower or beside to clear it."
+        f"{answer} An observed surface occludes the line {_metres(at_m)} m from the viewpoint (of"
+        f" {_metres(length_m)} m), at {_place(blocker)}; the line would have to pass"
+        f" {_metres(abs(clearance_m))} m higher, lower or beside to clear it."
     )
 
 
-def _visible(length_m: float, clearance_m: float, unobserved_m: float) -> str:
-    crossed = f"Beams crossed {length_m - unobserved_m:.1f} of its {length_m:.1f} m"
-    if not np.isfinite(clearance_m):
-        return f"{crossed}; no surface was observed beside it."
-    return f"{crossed}; it clears the nearest surface by {clearance_m:.1f} m."
+def _visible(probability: float, length_m: float, clearance_m: float, unobserved_m: float) -> str:
+    if length_m < 0.05:
+        crossed = "Its ends are less than 0.1 m apart"
+    else:
+        crossed = f"Beams crossed {_metres(length_m - unobserved_m)} of its {_metres(length_m)} m"
+    if np.isfinite(clearance_m):
+        beside = f"it clears the nearest surface by {_metres(clearance_m)} m"
+    else:
+        beside = "no surface was observed beside it"
+    return f"Visible: with a probability of {_percent(probability)}. {crossed}; {beside}."
 
 
-def _unknown(length_m: float, unobserved_m: float) -> str:
+def _unknown(probability: float, length_m: float, unobserved_m: float) -> str:
     if unobserved_m > 0.5:
         return (
-            f"No scan observed {unobserved_m:.1f} of its {length_m:.1f} m, and no observed surface"
-            " clearly occludes the rest."
+            f"Unknown: not observed; from prior knowledge alone visible with a probability of"
+            f" {_percent(probability)}. No scan observed {_metres(unobserved_m)} of its"
+            f" {_metres(length_m)} m, and no observed surface clearly occludes the rest."
         )
     return (
-        f"Its {length_m:.1f} m pass close to observed surfaces, or through space on which scans"
-        " disagree: neither answer is certain enough."
+        f"Unknown: not decided; the best estimate of the probability of being visible is"
+        f" {_percent(probability)}. The line of {_metres(length_m)} m passes close to observed"
+        " surfaces, or through space on which scans disagree."
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations  # help() then shows ArrayLike by its name
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, Self
 
 import numpy as np
@@ -13,6 +15,7 @@ from intervis.arrays import (
     BoolArray,
     Float64Array,
     IntArray,
+    array_of,
     checked_point,
     checked_points,
     finite_rows,
@@ -33,7 +36,8 @@ __all__ = ["OCCLUDED", "UNKNOWN", "VISIBLE", "Scene", "Sight"]
 class Sight:
     """Answers for sight lines. Every array has the shape of the lines, (M,) or (N, M).
 
-    ``len(sight)`` is the length of the first axis; ``sight[key]`` indexes all arrays alike.
+    ``len(sight)`` is the length of the first axis, and iteration runs along it; ``sight[key]``
+    indexes all arrays alike. A Sight has no truth value.
 
     Attributes
     ----------
@@ -41,8 +45,8 @@ class Sight:
         1 visible, 0 occluded, -1 unknown (see `intervis.sight.occupancy_model`). Use the masks
         `visible`, `occluded` and `unknown` in conditions: -1 is truthy.
     probability : float64 array
-        P(visible), calibrated on held-out returns. NaN if an end of the line is not finite or the
-        line is longer than `max_range_m`.
+        P(visible); ``docs/accuracy.md`` states where it is calibrated. NaN if an end of the line is
+        not finite or the line is longer than `max_range_m`.
     blocker : (..., 3) float64 array
         Where an occluded line meets the surface that most likely occludes it, scene frame, metres;
         NaN for other states. It does not depend on which end is the viewpoint.
@@ -83,15 +87,28 @@ class Sight:
         return np.asarray(self.state == UNKNOWN)
 
     def __len__(self) -> int:
-        return len(self.state)
+        return len(self._lines())
+
+    def __iter__(self) -> Iterator[Sight]:
+        return (self[nth] for nth in range(len(self)))
+
+    def __bool__(self) -> bool:
+        raise TypeError("a Sight has no truth value: use its masks visible, occluded and unknown.")
 
     def __getitem__(self, key: Any) -> Sight:
+        # One index for the lines, so that no key reaches the coordinates of `blocker`.
+        at = np.arange(self.state.size).reshape(self.state.shape)[key]
         return Sight(
-            np.asarray(self.state[key]),
-            np.asarray(self.probability[key]),
-            np.asarray(self.blocker[key]),
-            np.asarray(self.clearance[key]),
+            np.asarray(self.state.reshape(-1)[at]),
+            np.asarray(self.probability.reshape(-1)[at]),
+            np.asarray(self.blocker.reshape(-1, 3)[at]),
+            np.asarray(self.clearance.reshape(-1)[at]),
         )
+
+    def _lines(self) -> NDArray[np.int8]:
+        if self.state.ndim == 0:
+            raise TypeError("this Sight is the answer of one line: it has no length or order.")
+        return self.state
 
     def __repr__(self) -> str:
         counts = (("visible", self.visible), ("occluded", self.occluded), ("unknown", self.unknown))
@@ -133,6 +150,14 @@ class Scene:
         max_scans: int = 64,
         max_bytes: int = 1 << 28,
     ) -> None:
+        if not (sensor is None or isinstance(sensor, str | Sensor)):
+            raise SettingsError(
+                f"sensor must be a Sensor, the name of a preset, or None, got {sensor!r}."
+            )
+        limits: dict[str, object] = {"max_scans": max_scans, "max_bytes": max_bytes}
+        for name, limit in limits.items():
+            if isinstance(limit, bool) or not isinstance(limit, Integral):
+                raise SettingsError(f"{name} must be a whole number of 1 or more, got {limit!r}.")
         self.sensor = sensor_named(sensor) if isinstance(sensor, str) else sensor
         self._buffer = ScanBuffer(max_scans, max_bytes)
 
@@ -190,12 +215,12 @@ class Scene:
         SettingsError
             The timestamp is not finite.
         """
-        xyz = checked_points(np.asarray(points))
+        xyz = checked_points(points)
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         finite = finite_rows(xyz)
         kept = xyz if finite.all() else xyz[finite]
         sensor = sensor_of_scan(kept) if self.sensor is None else self.sensor
-        time_s = np.nan if timestamp_s is None else _finite_time("timestamp_s", timestamp_s)
+        time_s = np.nan if timestamp_s is None else _finite("timestamp_s", timestamp_s, "seconds")
         self._buffer.add(range_image_of(kept, sensor), scene_from_sensor, time_s)
 
     def sight(
@@ -213,10 +238,10 @@ class Scene:
         ----------
         viewpoint : (3,) or (N, 3) array
             Metres, scene frame.
-        targets : (M, 3) array
-            Metres, scene frame. A target that is not finite is unknown.
+        targets : (M, 3) or (3,) array
+            Metres, scene frame; (3,) is one target, M = 1. A target that is not finite is unknown.
         max_range_m : float or None
-            Longer lines are unknown, with probability NaN.
+            Longer lines are unknown, with probability NaN. None: no limit.
         visible_from : float
             Smallest probability of a visible line. A higher value leaves more lines unknown and
             calls fewer occluded lines visible.
@@ -236,10 +261,13 @@ class Scene:
         SceneError
             The scene holds no scan; or a query time is given and a scan has no timestamp.
         SettingsError
-            `visible_from` is not a probability, or `moment_s` is not finite.
+            `visible_from` is not a probability, `max_range_m` is not positive and finite, or
+            `moment_s` is not finite.
         """
-        if not 0.0 <= visible_from <= 1.0:
+        if not 0.0 <= _finite("visible_from", visible_from, "probability") <= 1.0:
             raise SettingsError(f"visible_from is a probability from 0 to 1, got {visible_from}.")
+        if max_range_m is not None:
+            max_range_m = _positive_length("max_range_m", max_range_m)
         from_points, to_points = _viewpoints(viewpoint), _targets(targets)
         answers = answer_lines(
             self.packed_scans(moment_s),
@@ -261,6 +289,8 @@ class Scene:
         self, starts: ArrayLike, ends: ArrayLike, *, moment_s: float | None = None
     ) -> Sight:
         """Sight lines given by their two ends, (L, 3) each, scene frame; a Sight of shape (L,).
+
+        Ends of shape (3,) are one line, L = 1.
 
         Raises
         ------
@@ -297,9 +327,8 @@ class Scene:
         sight : Sight
             Of shape (L,).
         """
-        if not (np.isfinite(max_range_m) and max_range_m > 0):
-            raise SettingsError(f"max_range_m must be a positive length, got {max_range_m}.")
-        from_points = _viewpoints(np.atleast_2d(np.asarray(viewpoints, dtype=np.float64)))
+        max_range_m = _positive_length("max_range_m", max_range_m)
+        from_points = _viewpoints(viewpoints)
         to_points = _targets(targets)
         finite = np.flatnonzero(np.isfinite(to_points).all(axis=1))
         near = cKDTree(from_points).sparse_distance_matrix(
@@ -343,18 +372,29 @@ class Scene:
             raise SceneError(
                 "moment_s needs the time of every scan: call scene.add(points, pose, timestamp_s)."
             )
-        return self._buffer.packed_at(_finite_time("moment_s", moment_s))
+        return self._buffer.packed_at(_finite("moment_s", moment_s, "seconds"))
 
 
-def _finite_time(name: str, seconds: float) -> float:
-    if not np.isfinite(seconds):
-        raise SettingsError(f"{name} must be a finite number of seconds, got {seconds}.")
-    return float(seconds)
+def _finite(name: str, value: Any, unit: str) -> float:
+    try:
+        number = np.nan if isinstance(value, str | bytes) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise SettingsError(f"{name} must be a finite number ({unit}), got {value!r}.")
+    return number
+
+
+def _positive_length(name: str, value: Any) -> float:
+    length_m = _finite(name, value, "metres")
+    if length_m <= 0.0:
+        raise SettingsError(f"{name} must be a positive length in metres, got {value!r}.")
+    return length_m
 
 
 def _viewpoints(viewpoint: ArrayLike) -> Float64Array:
     """(N, 3) finite viewpoints."""
-    if np.ndim(viewpoint) != 2:
+    if array_of(viewpoint, "viewpoint").ndim != 2:
         return checked_point(viewpoint)[None]
     points = _targets(viewpoint, "viewpoint")
     if not np.isfinite(points).all():
@@ -363,8 +403,10 @@ def _viewpoints(viewpoint: ArrayLike) -> Float64Array:
 
 
 def _targets(points: ArrayLike, name: str = "targets") -> Float64Array:
-    """(M, 3) float64 points, finite or not; an empty list has no target."""
-    array = np.asarray(points)
+    """(M, 3) float64 points, finite or not; (3,) is one target, an empty list has none."""
+    array = array_of(points, name)
+    if array.shape == (3,):
+        array = array[None]
     if array.size == 0 and array.ndim <= 2:
         return np.empty((0, 3))
     if array.dtype.kind in "iu":

@@ -1,6 +1,8 @@
 """Sensor model: field of view, beams, range limits and beam divergence."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from math import isfinite
+from numbers import Integral, Real
 
 import numpy as np
 
@@ -47,6 +49,12 @@ class Sensor:
     divergence_deg: float
 
     def __post_init__(self) -> None:
+        for field in fields(self)[1:]:
+            value: object = getattr(self, field.name)
+            if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+                raise SettingsError(f"a sensor's {field.name} must be a number, got {value!r}.")
+            if field.name == "beams" and not isinstance(value, Integral):
+                raise SettingsError(f"a sensor's beams must be a whole number, got {value!r}.")
         if self.beams < 1:
             raise SettingsError(f"a sensor needs one beam at least, got {self.beams}.")
         if not -90.0 <= self.lowest_deg < self.highest_deg <= 90.0:

@@ -10,7 +10,7 @@ from intervis.cli import exit_code
 from intervis.lab.calibrate import curves, probability
 from intervis.lab.calibrate.granularity import fit_times
 from intervis.lab.calibrate.line_set import QueryLines, sample_table
-from intervis.lab.calibrate.outcome import Outcome
+from intervis.lab.calibrate.outcome import Outcome, compared
 from intervis.lab.calibrate.plan import fingerprints
 from intervis.sight import Scene
 from intervis.sight import occupancy_model as model
@@ -215,6 +215,29 @@ def test_the_outcome_is_read_back_as_the_package_reads_its_own():
     assert content["provenance"] == {"inputs": 'drive "x"', "lines": 3}
 
 
+def test_an_outcome_of_odd_texts_and_numpy_numbers_is_read_back():
+    text = 'two\nlines\t"\\ \x00\x1f\x7f \x85 \u2028 ä'
+    numbers = {"i": np.int64(3), "x": np.float32(0.5), "curve": np.array([1.0, 2.0])}
+    numbers |= {"b": np.bool_(True), "rows": np.eye(2), "none": []}
+    content = tomllib.loads(Outcome(numbers, {"text": text}).to_toml("Numbers."))
+    assert content["provenance"]["text"] == text
+    assert content["numbers"] == {
+        "i": 3, "x": 0.5, "curve": [1, 2], "b": True, "rows": [[1, 0], [0, 1]], "none": []
+    }  # fmt: skip
+    assert content["numbers"]["b"] is True
+    assert compared({"i": 4, "x": 1.0}, numbers) == (("i", "4", "3"), ("x", "1", "0.5"))
+    assert "dr\\\\udcefve" in Outcome({}, {"name": "dr\udcefve"}).to_toml("Numbers.")
+
+
+EVERY_STAGE = """
+[[inputs]]
+drive = "street:1"
+pairs = "0:6"
+protocols = ['single']
+stages = ["curves", "weights", "probability", "thresholds"]
+"""
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -227,6 +250,14 @@ def test_the_outcome_is_read_back_as_the_package_reads_its_own():
             "stages = ['curves', 'weights', 'probability', 'thresholds']",
             "exact world",
         ),
+        ("seed = -1\ninputs = []", "seed"),
+        (EVERY_STAGE.replace("['single']", "[]"), "protocols"),
+        (EVERY_STAGE + "[granularity]\ndrives = []", "granularity.drives"),
+        ("a = " + "[" * 5000 + "]" * 5000, "nested too deeply"),
+        (EVERY_STAGE.replace("0:6", "0:24"), "has the frames 0 to 23"),
+        (EVERY_STAGE.replace("0:6", "6:6"), "got 6:6"),
+        (EVERY_STAGE.replace("street:1", "street:-1"), "got 'street:-1'"),
+        (EVERY_STAGE + "[granularity]\ndrives = ['nowhere']", "nowhere"),
     ],
 )
 def test_a_plan_that_makes_no_sense_is_told_in_a_sentence(tmp_path, capsys, text, words):
@@ -239,3 +270,43 @@ def test_a_plan_that_makes_no_sense_is_told_in_a_sentence(tmp_path, capsys, text
     assert words in said
     assert len(said.splitlines()) == 1
     assert not out.exists()
+
+
+@pytest.fixture
+def plan_of_a_street(tmp_path, monkeypatch):
+    """Words of a calibration that must not start."""
+
+    def started(*_, **__):
+        raise AssertionError("the work has started")
+
+    monkeypatch.setattr("intervis.lab.calibrate.fit.calibrate_model", started)
+    (tmp_path / "plan.toml").write_text(EVERY_STAGE)
+    return ["calibrate", "--data", str(tmp_path), "--plan", str(tmp_path / "plan.toml")]
+
+
+def test_a_file_of_other_origin_is_refused_before_the_work(plan_of_a_street, tmp_path, capsys):
+    mine = tmp_path / "out" / "occupancy_model.toml"
+    mine.parent.mkdir()
+    mine.write_text("my = 'numbers'\n")
+    assert exit_code([*plan_of_a_street, "--out", str(tmp_path / "out")]) == 2
+    assert f"{mine} was not written by `intervis calibrate`" in capsys.readouterr().err
+    assert mine.read_text() == "my = 'numbers'\n"
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
+    plan_of_a_street, tmp_path, capsys
+):
+    assert exit_code([*plan_of_a_street, "--out", str(tmp_path / "plan.toml" / "out")]) == 2
+    assert "cannot write in" in capsys.readouterr().err
+
+
+def test_the_packages_own_files_may_be_replaced(plan_of_a_street, tmp_path, monkeypatch, capsys):
+    outcome = Outcome(
+        {"sharpness": 1.0},
+        dict.fromkeys(("loss_curves_shipped", "loss_curves", "loss_probability"), 0.1),
+    )
+    monkeypatch.setattr("intervis.lab.calibrate.fit.calibrate_model", lambda *_, **__: outcome)
+    for _ in range(2):
+        assert exit_code([*plan_of_a_street, "--out", str(tmp_path / "out")]) == 0
+    written = tomllib.loads((tmp_path / "out" / "occupancy_model.toml").read_text())
+    assert written["numbers"] == {"sharpness": 1}

@@ -12,7 +12,7 @@ import pytest
 
 from intervis.cli import exit_code
 from intervis.drives import open_drive
-from small_drive import files_below
+from small_drive import files_below, scan_folder
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +129,36 @@ def test_a_demo_without_matplotlib_says_so_and_does_the_rest(
 def test_a_demo_can_be_given_again(demo, capsys):
     assert exit_code(["demo", "--out", str(demo), "--frames", "1", "--seed", "1"]) == 0
     assert f"Page: {demo / 'index.html'}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "mine", ["index.html", "measures.csv", "pictures/sight.png", "run/settings.toml"]
+)
+def test_a_demo_replaces_no_file_of_other_origin(mine, tmp_path, capsys):
+    (tmp_path / mine).parent.mkdir(exist_ok=True)
+    (tmp_path / mine).write_text("mine")
+    assert exit_code(["demo", "--out", str(tmp_path), "--frames", "1"]) == 2
+    err = capsys.readouterr().err
+    assert f"{tmp_path / mine} was not written by an earlier" in err
+    assert len(err.splitlines()) == 1
+    assert list(files_below(tmp_path)) == [mine]
+
+
+def test_a_demo_replaces_no_run_of_another_drive(simulated, tmp_path, capsys):
+    run = ["run", str(scan_folder(tmp_path / "other")), "--out", str(tmp_path / "out" / "run")]
+    assert exit_code(run) == 0
+    before = files_below(tmp_path / "out")
+    assert exit_code(["demo", "--out", str(tmp_path / "out"), "--frames", "1"]) == 2
+    assert "choose another output folder" in capsys.readouterr().err
+    assert files_below(tmp_path / "out") == before
+
+
+def test_another_drive_leaves_files_that_are_no_frames(simulated, tmp_path):
+    date = Path(shutil.copytree(simulated, tmp_path / simulated.name))
+    scans = next(date.rglob("velodyne_points")) / "data"
+    (scans / "notes.txt").write_text("mine")
+    assert exit_code(["simulate", "--out", str(tmp_path), "--frames", "1", "--seed", "5"]) == 0
+    assert sorted(path.name for path in scans.iterdir()) == ["0000000000.bin", "notes.txt"]
 
 
 def test_a_demo_where_a_file_stands_is_refused(tmp_path, capsys):

@@ -17,6 +17,7 @@ from intervis.errors import IntervisError
 from intervis.lab.paper import experiment as module
 from intervis.lab.paper import interpretations
 from intervis.lab.paper.experiment import run_frame, usable
+from intervis.lab.paper.report import check_folder
 from intervis.plots import style
 
 PNG = ("03", "04", "05", "06", "07", "08", "09", "10")
@@ -75,6 +76,7 @@ def test_one_command_writes_everything_and_says_what_is_missing(tmp_path, capsys
     assert "report.html" in captured.out
     assert "criterion: ARR at least 99 %" in captured.out
     assert "no camera" in captured.err
+    check_folder(out)  # its own report may be replaced
 
 
 def test_without_poses_or_with_a_single_scan_temporal_consistency_is_left_out(tmp_path):
@@ -198,3 +200,20 @@ def test_a_real_frame_stays_within_three_points_of_the_paper_in_the_mean(shared_
             for tau, row in module.printed_values.TABLE_2.items()
         ]
     assert np.mean(away) < 3.0
+
+
+def test_a_frame_that_does_not_exist_leaves_no_folder(tmp_path, capsys):
+    drive = write_drive(tmp_path / "drive", [rough_ground(1, 900)])
+    assert reproduce(drive, tmp_path / "out", "--frame", "999") == 2
+    assert "no frame 999" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["report.html", "report.md", "settings.toml"])
+def test_files_of_other_origin_are_not_replaced(name, tmp_path, capsys):
+    drive = write_drive(tmp_path / "drive", [rough_ground(1, 900)])
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).write_text("mine")
+    assert reproduce(drive, tmp_path / "out") == 2
+    assert f"{name} was not written by an earlier" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [name]

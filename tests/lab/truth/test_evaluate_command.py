@@ -153,12 +153,27 @@ def test_no_such_source(tmp_path):
         command(tmp_path / "none")
 
 
-def test_nothing_is_written_when_the_work_fails(drive, known_methods, tmp_path):
-    file = tmp_path / "accuracy.json"
-    (drive / "poses.txt").unlink()
-    with pytest.raises(DriveError, match=r"poses\.txt"):
-        command(drive, "--json", file)
-    assert not file.exists()
+def test_nothing_is_written_when_the_work_fails(drive, monkeypatch, tmp_path):
+    """The second of two query sets fails, when one set of answers is there already."""
+    asked = []
+
+    def fail_later(inputs, viewpoint, targets):
+        asked.append(viewpoint)
+        if len(asked) == 2:
+            raise DriveError("the second fails.")
+        return Predictions(np.ones(len(targets)), None, 0.0, 0.5)
+
+    monkeypatch.setattr(
+        "intervis.lab.truth.evaluation.methods_for",
+        lambda protocol, *, baselines: [Method("intervis", "default", fail_later)],
+    )
+    out = tmp_path / "out"
+    out.mkdir()
+    outputs = ["--json", out / "a.json", "--markdown", out / "a.md", "--plot", out / "a.png"]
+    with pytest.raises(DriveError, match="the second fails"):
+        command(drive, "--pairs", "0:5,5:0", *outputs)
+    assert len(asked) == 2
+    assert not list(out.iterdir())
 
 
 def test_the_reliability_plot_is_a_picture(drive, known_methods, tmp_path, capsys):

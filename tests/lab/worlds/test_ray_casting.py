@@ -311,3 +311,11 @@ def test_a_caster_without_embreex_names_the_extra(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "embreex", None)
     with pytest.raises(MissingExtraError, match=r"'embreex'.* pip install 'intervis\[lab\]'"):
         RayCaster(np.empty((0, 3, 3)))
+
+
+def test_later_changes_of_the_callers_array_do_not_reach_the_caster():
+    wall = np.array([[[5.0, -9, -9], [5, 9, -9], [5, 0, 9]]])
+    caster = RayCaster(wall)
+    wall += 100.0
+    ranges, _ = caster.closest([0.0, 0, 0], [[1.0, 0, 0]])
+    assert ranges.tolist() == [5.0]

@@ -12,13 +12,21 @@ from intervis.errors import SettingsError
 from intervis.lab.calibrate import curves, probability
 from intervis.lab.calibrate.line_set import QueryLines, SampleTable, query_lines, sample_table
 from intervis.lab.calibrate.outcome import Outcome, versions
-from intervis.lab.calibrate.plan import STREET, Input, Plan, Stage, fingerprints, opened
-from intervis.lab.truth.evaluation import held_out_query_sets, world_query_sets
+from intervis.lab.calibrate.plan import (
+    STREET,
+    STREET_FRAMES,
+    Input,
+    Plan,
+    Stage,
+    check_drive,
+    fingerprints,
+    opened,
+)
+from intervis.lab.truth.evaluation import chosen_pairs, held_out_query_sets, world_query_sets
 from intervis.lab.truth.held_out import SILHOUETTES_VISIBLE
 from intervis.lab.truth.labelled_targets import HeldOutSettings
 from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.worlds import load_world
-from intervis.lab.worlds.ray_casting import require_embreex
 from intervis.progress import Progress, silent
 from intervis.sight import occupancy_model as model
 from intervis.sight.answers import sum_lines
@@ -55,7 +63,7 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
         A drive cannot be opened, or lacks frames, poses or a reference for a pair.
     """
     report = progress or silent
-    _check_stages(plan)
+    check_inputs(plan, data)
     result = Outcome()
     result.provenance.update(command="intervis calibrate", versions=versions())
     table = _table(plan, data, "curves", report)
@@ -112,7 +120,8 @@ def model_steps(plan: Plan) -> int:
     return 4 + sum(len(given.protocols) for given in used)
 
 
-def _check_stages(plan: Plan) -> None:
+def check_inputs(plan: Plan, data: Path) -> None:
+    """Raise before the work where `calibrate_model` would raise: stages, drives, frame numbers."""
     for stage in ("curves", "weights", "probability", "thresholds"):
         if not any(stage in given.stages for given in plan.inputs):
             raise SettingsError(f"no input of the plan is used for the stage {stage!r}: name one.")
@@ -121,8 +130,17 @@ def _check_stages(plan: Plan) -> None:
             raise SettingsError(
                 f"the stage 'thresholds' needs an exact world (street:SEED), got {given.drive!r}."
             )
-        if given.drive.startswith(STREET):
-            require_embreex()  # before minutes of work, not after them
+    for given in plan.inputs:
+        drive = check_drive(given.drive, data)
+        if drive is not None:
+            chosen_pairs(drive, given.frame_pairs)  # raises where a frame or a pose is missing
+            continue
+        for i, j in given.frame_pairs:
+            if i == j or max(i, j) >= STREET_FRAMES:
+                raise SettingsError(
+                    f"{given.drive} has the frames 0 to {STREET_FRAMES - 1}: pairs must be two of"
+                    f" them, got {i}:{j}."
+                )
 
 
 def _used(plan: Plan, stage: Stage) -> str:

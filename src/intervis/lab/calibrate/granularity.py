@@ -12,7 +12,13 @@ from scipy.optimize import nnls
 from intervis.arrays import Float64Array
 from intervis.errors import SettingsError
 from intervis.lab.calibrate.outcome import Outcome, versions
-from intervis.lab.calibrate.plan import Plan, fingerprints, opened
+from intervis.lab.calibrate.plan import (
+    GranularityInput,
+    Plan,
+    check_drive,
+    fingerprints,
+    opened,
+)
 from intervis.lab.paper.curve import COARSEST, tpi_curve
 from intervis.lab.paper.experiment import camera_arguments, usable
 from intervis.lab.paper.interpretations import spread_frames
@@ -73,14 +79,15 @@ def calibrate_granularity(plan: Plan, data: Path, *, progress: Progress | None =
     ------
     SettingsError
         The plan names no drive for it.
+    DriveError
+        A drive cannot be opened.
     """
-    if plan.granularity is None:
-        raise SettingsError("the plan has no section [granularity]: name drives there.")
+    section = check_granularity(plan, data)
     report = progress or silent
     frames: list[Frame] = []
-    for name in plan.granularity.drives:
+    for name in section.drives:
         with opened(name, data) as drive:
-            frames += spread_frames(drive, plan.granularity.frames_per_drive)
+            frames += spread_frames(drive, section.frames_per_drive)
     curve = tpi_curve(frames, progress=report)
     # From few nodes to many; more nodes never lose more.
     nodes = [round(point.nodes) for point in reversed(curve)]
@@ -90,9 +97,9 @@ def calibrate_granularity(plan: Plan, data: Path, *, progress: Progress | None =
     outcome.provenance.update(
         command="intervis calibrate",
         versions=versions(),
-        tpi_lost=f"mean over {len(frames)} frames: {', '.join(plan.granularity.drives)}",
+        tpi_lost=f"mean over {len(frames)} frames: {', '.join(section.drives)}",
         times="the same frames, camera view and 90 degrees ahead",
-        drives=fingerprints(plan.granularity.drives, data),
+        drives=fingerprints(section.drives, data),
     )
     outcome.numbers.update(
         nodes=nodes,
@@ -104,6 +111,15 @@ def calibrate_granularity(plan: Plan, data: Path, *, progress: Progress | None =
         budget_share=times.budget_share,
     )
     return outcome
+
+
+def check_granularity(plan: Plan, data: Path) -> GranularityInput:
+    """The plan's section, after a look at its drives; raises as `calibrate_granularity`."""
+    if plan.granularity is None:
+        raise SettingsError("the plan has no section [granularity]: name drives there.")
+    for name in plan.granularity.drives:
+        check_drive(name, data)
+    return plan.granularity
 
 
 def granularity_steps(plan: Plan) -> int:

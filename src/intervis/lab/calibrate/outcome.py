@@ -1,7 +1,8 @@
 """The outcome of a calibration: numbers, losses and provenance, as TOML."""
 
+import json
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 import numpy as np
 
 import intervis
+
+MARK = "`intervis calibrate` writes this file."
+"""End of the first line of every file of an outcome."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +34,7 @@ class Outcome:
         """Both as the TOML file that the package reads."""
         return "\n".join(
             [
-                f"# {heading} `intervis calibrate` writes this file.",
+                f"# {heading} {MARK}",
                 "",
                 "[provenance]",
                 *(_line(name, value) for name, value in self.provenance.items()),
@@ -62,20 +66,30 @@ def compared(shipped: Mapping[str, Any], fitted: Mapping[str, Any]) -> tuple[tup
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, float | int):
+    if np.ndim(value) == 0:
         return f"{value:.4g}"
     return " ".join(f"{number:.2f}" for number in value)
 
 
 def _line(name: str, value: Any) -> str:
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
     if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'{name} = "{escaped}"'
+        return f"{name} = {_quoted(value)}"
     if isinstance(value, bool):
         return f"{name} = {str(value).lower()}"
-    if isinstance(value, int | float | np.floating):
-        return f"{name} = {float(value):.6g}" if not isinstance(value, int) else f"{name} = {value}"
-    if value and isinstance(value[0], Sequence | np.ndarray) and not isinstance(value[0], str):
+    if isinstance(value, int):
+        return f"{name} = {value}"
+    if isinstance(value, float):
+        return f"{name} = {value:.6g}"
+    if len(value) and np.ndim(value[0]):
         rows = ",\n  ".join(f"[{', '.join(f'{float(x):.6g}' for x in row)}]" for row in value)
         return f"{name} = [\n  {rows},\n]"
     return f"{name} = [{', '.join(f'{float(number):.6g}' for number in value)}]"
+
+
+def _quoted(text: str) -> str:
+    """A TOML string; bytes of a file name that are not valid UTF-8 are written escaped."""
+    whole = text.encode("utf-8", errors="backslashreplace").decode()
+    # JSON and TOML escape alike, except that TOML also forbids DEL.
+    return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007F")

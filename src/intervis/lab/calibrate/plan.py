@@ -14,6 +14,7 @@ from intervis.errors import SettingsError
 from intervis.lab.truth.pairs import Pairs, parsed_pairs
 from intervis.lab.truth.protocols import Protocol
 from intervis.lab.worlds import simulate
+from intervis.lab.worlds.ray_casting import require_embreex
 
 DEFAULT_PLAN = Path(__file__).with_name("plan.toml")
 STREET, STREET_FRAMES = "street:", 24
@@ -28,7 +29,7 @@ class Input(BaseModel):
 
     drive: str
     pairs: str
-    protocols: tuple[Protocol, ...]
+    protocols: tuple[Protocol, ...] = Field(min_length=1)
     stages: tuple[Stage, ...]
 
     @property
@@ -42,7 +43,7 @@ class GranularityInput(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    drives: tuple[str, ...]
+    drives: tuple[str, ...] = Field(min_length=1)
     frames_per_drive: int = Field(default=4, ge=1)
 
 
@@ -62,7 +63,7 @@ class Plan(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     lines_per_pair: int = Field(default=800, ge=1)
-    seed: int = 0
+    seed: int = Field(default=0, ge=0)
     inputs: tuple[Input, ...]
     granularity: GranularityInput | None = None
 
@@ -77,11 +78,13 @@ def load_plan(path: Path) -> Plan:
     """
     try:
         content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        plan = Plan(**content)
+        plan = Plan.model_validate(content)
     except OSError as error:
         raise SettingsError(f"cannot read the plan {path}: {error.strerror}.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path} is no valid TOML: {error}.") from None
+    except RecursionError:
+        raise SettingsError(f"{path} is nested too deeply to be a plan.") from None
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
@@ -98,15 +101,39 @@ def fingerprints(names: Iterable[str], data: Path) -> str:
     return "; ".join(f"{name} {digest}" for name, digest in digests.items())
 
 
+def check_drive(name: str, data: Path) -> Drive | None:
+    """The drive of an input; None for a built-in street, which is simulated later.
+
+    Raises
+    ------
+    SettingsError
+        A built-in street without a seed.
+    MissingExtraError
+        A built-in street, and embreex is not installed.
+    DriveError
+        The drive cannot be opened.
+    """
+    if not name.startswith(STREET):
+        return open_drive(data / name)
+    street_seed(name)
+    require_embreex()  # before minutes of work, not after them
+    return None
+
+
+def street_seed(name: str) -> int:
+    """The seed of a built-in street ``street:SEED``."""
+    seed = name.removeprefix(STREET)
+    if not (seed.isascii() and seed.isdecimal()):
+        raise SettingsError(f"a built-in street is street:SEED, SEED 0 or more, got {name!r}.")
+    return int(seed)
+
+
 @contextmanager
 def opened(name: str, data: Path) -> Iterator[Drive]:
     """The drive of an input: a folder below `data`, or a built-in street that is simulated."""
     if not name.startswith(STREET):
         yield open_drive(data / name)
         return
-    try:
-        seed = int(name.removeprefix(STREET))
-    except ValueError:
-        raise SettingsError(f"a built-in street is street:SEED, got {name!r}.") from None
     with tempfile.TemporaryDirectory() as folder:
+        seed = street_seed(name)
         yield open_drive(simulate(folder, frames=STREET_FRAMES, seed=seed, images=False))

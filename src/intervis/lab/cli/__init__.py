@@ -1,1 +1,1 @@
-"""Command-line front ends of the laboratory."""
+"""The commands of `intervis.lab`."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from intervis.cli.terminal import progress, show
-from intervis.errors import SettingsError
+from intervis.errors import OutputError, SettingsError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from intervis.lab.calibrate.outcome import Outcome
 
 PARTS = ("model", "granularity")
+NAMES = ("occupancy_model.toml", "granularity.toml")
 
 
 def calibrate(
@@ -36,13 +37,23 @@ def calibrate(
     if only is not None and only not in PARTS:
         raise SettingsError(f"--only must be one of {', '.join(PARTS)}, got {only!r}.")
 
-    from intervis.lab.calibrate.fit import calibrate_model, model_steps
-    from intervis.lab.calibrate.granularity import calibrate_granularity, granularity_steps
+    from intervis.lab.calibrate.fit import calibrate_model, check_inputs, model_steps
+    from intervis.lab.calibrate.granularity import (
+        calibrate_granularity,
+        check_granularity,
+        granularity_steps,
+    )
     from intervis.lab.calibrate.plan import DEFAULT_PLAN, load_plan
     from intervis.method import granularity
     from intervis.sight import occupancy_model
 
     chosen = load_plan(plan or DEFAULT_PLAN)
+    fits_granularity = only == "granularity" or (only is None and chosen.granularity is not None)
+    if only != "granularity":
+        check_inputs(chosen, data)
+    if fits_granularity:
+        check_granularity(chosen, data)
+    _check_output(out)
     if only != "granularity":
         with progress("occupancy model", model_steps(chosen)) as advance:
             outcome = calibrate_model(chosen, data, progress=advance)
@@ -51,10 +62,25 @@ def calibrate(
         )
         for name in ("loss_curves_shipped", "loss_curves", "loss_probability"):
             show(f"{name}: {outcome.provenance[name]:.4f}")
-    if only == "granularity" or (only is None and chosen.granularity is not None):
+    if fits_granularity:
         with progress("granularity", granularity_steps(chosen)) as advance:
             outcome = calibrate_granularity(chosen, data, progress=advance)
         _write(out / "granularity.toml", outcome, granularity.FITTED, "method.granularity")
+
+
+def _check_output(out: Path) -> None:
+    """Make the folder, and raise where a file of other origin stands in it under our names."""
+    from intervis.files import check_replaceable, make_folder
+    from intervis.lab.calibrate.outcome import MARK
+
+    make_folder(out)
+    for name in NAMES:
+        path = check_replaceable(out / name)
+        if path.exists() and MARK not in path.read_text(errors="replace").partition("\n")[0]:
+            raise OutputError(
+                f"{path} was not written by `intervis calibrate` and was not changed: choose"
+                " another folder."
+            )
 
 
 def _write(path: Path, outcome: "Outcome", shipped: "Mapping[str, Any]", module: str) -> None:

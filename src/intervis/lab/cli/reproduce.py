@@ -42,11 +42,13 @@ def reproduce(
 
     from intervis.drives import open_drive
     from intervis.lab.paper.drive_experiment import run_drive, steps_of_drive
-    from intervis.lab.paper.report import make_folders, write_paper_report
+    from intervis.lab.paper.report import check_folder, make_folders, write_paper_report
     from intervis.lab.paper.tables import table_2, table_4
 
     drive = open_drive(source, camera=camera)
     number = drive.frame_numbers[0] if frame is None else frame
+    _ = drive[number]  # raises before a folder is made
+    check_folder(out)
     make_folders(out)
     steps = steps_of_drive(
         drive, number, with_global=global_points, consecutive_frames=consecutive_frames

@@ -35,11 +35,13 @@ def demo(
 ) -> int:
     """Simulate a drive, analyse it and show the results.
 
-    Writes the drive, the results, tables, pictures and a page to open in a browser.
+    Writes the drive, the results, tables, pictures and a page to open in a browser. An earlier demo
+    in the same folder is replaced; files of other origin are refused.
     """
     from intervis.drives import open_drive
     from intervis.run import run_drive
 
+    _refuse_foreign(out)
     drive = open_drive(_simulate(out / "drive", frames, seed))
     with progress("analysis", len(drive.frame_numbers)) as advance:
         summary = run_drive(
@@ -53,6 +55,36 @@ def demo(
     note = f"A simulated drive through the built-in street, seed {seed}."
     show_report(drive, summary, out, source_note=note, with_sight=True)
     return 1 if summary.failures else 0
+
+
+def _refuse_foreign(out: Path) -> None:
+    """Raise where the demo would replace files, unless an earlier demo stands in the folder."""
+    from intervis.drives.kitti_writer import Layout
+    from intervis.errors import OutputError
+    from intervis.lab.worlds.simulation import METADATA_NAME
+    from intervis.run.report import check_report
+    from intervis.run.summary import read_summary
+
+    drive = Layout(out / "drive").drive
+    summary = read_summary(out / "run" / "summary.json")
+    earlier = summary.get("input") if summary else None
+    if (
+        isinstance(earlier, dict)
+        and earlier.get("name") == drive.name
+        and (drive / METADATA_NAME).is_file()
+    ):
+        return
+    check_report(out, out / "run")
+    written = [
+        *(out / "run" / name for name in ("summary.json", "settings.toml")),
+        *sorted((out / "run" / "frames").glob("*.npz")),
+    ]
+    for path in written:
+        if path.exists() or path.is_symlink():
+            raise OutputError(
+                f"{path} was not written by an earlier `intervis demo` and was not changed;"
+                " choose another output folder."
+            )
 
 
 def _simulate(out: Path, frames: int, seed: int) -> Path:

@@ -1,12 +1,13 @@
 """The report of the experiments: tables and figures as CSV, Markdown, PNG and one HTML page."""
 
+import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from intervis.errors import MissingExtraError, OutputError
-from intervis.files import write_text
+from intervis.files import make_folder, write_text
 from intervis.lab.paper import interpretation_tables, tables
 from intervis.lab.paper.curve import CurvePoint
 from intervis.lab.paper.drive_experiment import DriveExperiment
@@ -23,6 +24,8 @@ PAPER = (
     'L. Bai, Y. Li, M. Cen, "Dynamic Intervisibility Analysis of 3D Point Clouds", ISPRS Int. J.'
     " Geo-Inf. 10 (2021)"
 )
+
+TITLE = "The paper's experiments, reproduced"
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,27 @@ def write_paper_report(drive: "Drive", experiment: DriveExperiment, out: Path) -
     return PaperReport((*texts, *(picture.path for picture in pictures), *plots), missing)
 
 
+def check_folder(out: Path) -> None:
+    """Raise before the work where the report would replace files that no report has written.
+
+    Raises
+    ------
+    OutputError
+        There are such files.
+    """
+    page = out / "report.html"
+    if page.is_file() and f"<title>{html.escape(TITLE)}</title>" in page.read_text(
+        errors="replace"
+    ):
+        return
+    for path in (page, out / "report.md", out / "settings.toml"):
+        if path.exists() or path.is_symlink():
+            raise OutputError(
+                f"{path} was not written by an earlier `intervis reproduce` and was not changed:"
+                " choose another folder."
+            )
+
+
 def make_folders(out: Path, names: Sequence[str] = ("figures", "tables")) -> None:
     """Make the folders of a report, before the minutes of computation.
 
@@ -66,15 +90,8 @@ def make_folders(out: Path, names: Sequence[str] = ("figures", "tables")) -> Non
     OutputError
         A folder cannot be made.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for name in names:
-            (out / name).mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"cannot write in {out}: {(error.strerror or 'no folder').lower()}; choose another"
-            " folder with --out."
-        ) from None
+    for folder in (out, *(out / name for name in names)):
+        make_folder(folder)
 
 
 def _pictures(experiment: DriveExperiment, folder: Path) -> tuple[list[Picture], str | None]:
@@ -133,7 +150,7 @@ def _page(
     if pictures:
         parts += ["Figures", *pictures]
     return Page(
-        title="The paper's experiments, reproduced",
+        title=TITLE,
         lead=lead,
         parts=parts,
         small_print=_small_print(content),

@@ -16,7 +16,7 @@ from intervis.errors import MissingExtraError, PointsError
 FLOAT32_STEP = 2.0**-22
 """Rounding of float32, with a margin, as a fraction of the largest coordinate."""
 GRAZING = 1e-3
-"""Sine of the angle to a plane below which rounding may carry the crossing out of a triangle."""
+"""Sine of the angle to a plane below which rounding may move the crossing out of a triangle."""
 
 
 def require_embreex() -> tuple[Any, Any]:
@@ -67,7 +67,7 @@ class RayCaster:
 
     def __init__(self, triangles: ArrayLike) -> None:
         scene_class, mesh_class = require_embreex()
-        corners = np.ascontiguousarray(triangles, dtype=np.float64)
+        corners = np.array(triangles, dtype=np.float64, order="C")  # a copy: the caster keeps it
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
             raise PointsError(f"triangles must have the shape (T, 3, 3), got {corners.shape}.")
         if not np.isfinite(corners).all():

@@ -30,6 +30,7 @@ from intervis.lab.worlds.world import World
 from intervis.progress import Progress, silent
 
 METADATA_NAME = "simulation.json"
+MADE_BY = "intervis simulate"
 EDITION = 2
 """Increased whenever the same seed gives another drive; frames of older editions are replaced."""
 
@@ -92,7 +93,7 @@ def simulate(
         raise SettingsError(f"frames must be at most {most}, where the street ends, got {frames}.")
     layout = Layout(Path(out))
     metadata = {
-        "made_by": "intervis simulate",
+        "made_by": MADE_BY,
         "version": intervis.__version__,
         "edition": EDITION,
         "seed": seed,
@@ -119,8 +120,8 @@ def _prepare(layout: Layout, rig: SensorRig, metadata: dict[str, Any], frames: i
     metadata_path = layout.drive / METADATA_NAME
     files = {layout.date / name: body for name, body in rig.calibration_files(START).items()}
     try:
-        before = metadata_path.read_text() if metadata_path.is_file() else None
-        if before is None:
+        before = metadata_path.read_text(errors="replace") if metadata_path.is_file() else None
+        if before is None or MADE_BY not in before:
             _refuse_foreign(layout, files)
         kept = layout.expected(frames) if before == text else set()
         for path in layout.frame_files():
