@@ -9,7 +9,7 @@ from made_scans import GROUND_M, directions, ranges, street_scan
 from intervis.errors import SettingsError
 from intervis.sight import GENERIC, HDL_64E, SENSORS, Sensor, sensor_named, sensor_of_scan
 from intervis.sight.ground_map import ground_map_of
-from intervis.sight.kernels.azimuth import FULL_CIRCLE, pseudo_azimuth
+from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth
 from intervis.sight.kernels.terrain import CELL_M, CELLS
 from intervis.sight.range_image import range_image_of
 

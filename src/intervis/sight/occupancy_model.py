@@ -227,7 +227,12 @@ def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
                 [0.0],
             ]
         ),
-        height_log_odds=np.interp(height_m, fitted["height_m"], fitted["height_log_odds"]),
+        height_log_odds=np.concatenate(
+            [
+                [fitted["unknown_height_log_odds"]],
+                np.interp(height_m[1:], fitted["height_m"], fitted["height_log_odds"]),
+            ]
+        ),
         occupancies=1.0 / (1.0 + np.exp(-log_odds)),
         scan_weights=weights,
     )

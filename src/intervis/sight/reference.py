@@ -100,7 +100,7 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
     samples, step = _samples(a, b)
     chosen = _chosen_scans(scans, a, b)
     points = [_in_sensor_frame(scans, k, samples) for k in chosen]
-    height = _height_above_ground(scans, chosen[0], points[0])
+    height = _height_above_ground(scans, chosen[0], samples)
     each = [_depth_behind_surface(scans, k, p) for k, p in zip(chosen, points, strict=True)]
     depth, is_surface, known = (np.array(values) for values in zip(*each, strict=True))
     occupied, left = _dynamic(scans, a, b, chosen, samples, list(depth), height)
@@ -270,9 +270,10 @@ def _in_sensor_frame(scans: PackedScans, k: int, points: Float64Array) -> Float6
 
 
 def _height_above_ground(scans: PackedScans, k: int, points: Float64Array) -> Float64Array:
-    cell = np.floor(points[:, :2] / CELL_M).astype(int) + CELLS // 2
+    from_sensor = points - scans.position[k]
+    cell = np.floor(from_sensor[:, :2] / CELL_M).astype(int) + CELLS // 2
     a, b = np.clip(cell, 0, CELLS - 1).T
-    return np.asarray(points[:, 2] - scans.ground[k][a, b])
+    return np.asarray(from_sensor[:, 2] - scans.ground[k][a, b])
 
 
 def _depth_behind_surface(
@@ -282,9 +283,8 @@ def _depth_behind_surface(
     rows, columns = int(scans.rows[k]), int(scans.columns[k])
     start = int(scans.offset[k])
     image = scans.pixels[start : start + rows * columns].reshape(columns, rows)
-    rho = np.hypot(points[:, 0], points[:, 1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        place = (points[:, 2] / rho - scans.tan_elevation_from[k]) * scans.rows_per_tan_elevation[k]
+    planar_range, elevation = _planar_range_and_elevation(points)
+    place = (elevation - scans.elevation_from[k]) * scans.rows_per_unit[k]
     inside = (place >= 0.0) & (place < rows - 1.0)
     place = np.where(inside, place, 0.0)
     row = place.astype(int)
@@ -298,7 +298,17 @@ def _depth_behind_surface(
     units = np.where(one_surface, a + (b - a) * fraction, np.abs(nearer).astype(np.float64))
     surface = units * scans.unit_m[k]
     known = inside & (nearer != 0)
-    return np.where(known, rho - surface, np.nan), nearer > 0, known
+    return np.where(known, planar_range - surface, np.nan), nearer > 0, known
+
+
+def _planar_range_and_elevation(points: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Planar range, and elevation from -2 to 2 as range images measure it, by cases."""
+    rho, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        side, cap = z / rho, np.sign(z) * (2.0 - rho / np.abs(z))
+    steep = np.abs(z) > rho
+    elevation = np.where(steep, cap, np.where(rho > 0.0, side, 0.0))
+    return np.where(steep, np.abs(z), rho), elevation
 
 
 def _pseudo_azimuth(points: Float64Array) -> Float64Array:

@@ -116,7 +116,7 @@ def march(
             reduce_depths(samples, depths, n, total, parameters.surface_from_m)
             accumulate(samples, places, n, total, depth_log_odds, weights[n])
             if n == 0:
-                compute_heights(ground, samples, places, lines, offsets, chosen, count)
+                compute_heights(ground, position, a, b, batch)
             else:
                 keep_depths(samples, lines, offsets, count, n)
         heights = len(height_log_odds)
