@@ -67,6 +67,15 @@ def test_table_and_json(drive, known_methods, tmp_path, capsys):
     assert constant["mean"]["mcc"] == 0.0
     assert constant["mean"]["precision_occluded"] is None
     assert f"{engine['mean']['mcc']:.3f}" in shown
+    assert "yard: risk and coverage, held-out returns, protocol single" in shown
+    assert f"{constant['mean']['aurc']:.4f}" in shown
+    assert constant["mean"]["aurc"] == pytest.approx(1 - constant["mean"]["visible_fraction"])
+    assert content["schema"] == evaluation["schema"] == 3
+
+
+def test_random_points_in_space(drive, known_methods, capsys):
+    command(drive, "--pairs", "0:5", "--targets", "space")
+    assert "held-out returns, random points in space, protocol single" in capsys.readouterr().out
 
 
 def test_without_baselines_there_is_the_engine_only(drive, known_methods, capsys):
@@ -74,6 +83,33 @@ def test_without_baselines_there_is_the_engine_only(drive, known_methods, capsys
     shown = capsys.readouterr().out
     assert "protocol map" in shown
     assert "constant" not in shown
+
+
+def test_scanners_of_one_moment(drive, known_methods, tmp_path, capsys):
+    text = "".join(
+        f'[[scanner]]\nname = "{name}"\nscan = "{drive}/{number:06d}.bin"\n'
+        f"translation_m = [{x}, 0, 1.7]\n"
+        for name, number, x in (("front", 5, 0.0), ("rear", 3, -4.0))
+    )
+    file, listed = tmp_path / "accuracy.json", tmp_path / "together.toml"
+    listed.write_text(text)
+    command(listed, "--protocol", "together", "--rivals", "--json", file)
+    shown = capsys.readouterr().out
+    assert "together: a second scanner, queries in the frame of the scene" in shown
+    assert "front:rear, constant (visible)" in shown
+    content = json.loads(file.read_text())
+    assert content["drive"]["scanners"] == ["front", "rear"]
+    (evaluation,) = content["evaluations"]
+    assert evaluation["query_sets"] == ["front:rear", "rear:front"]
+    assert evaluation["results"][0]["mean"]["mcc"] > 0.95
+    command(listed, "--protocol", "together", "--pairs", "rear:front")
+    shown = capsys.readouterr().out
+    assert "rear:front" in shown
+    assert "front:rear" not in shown
+    # a folder of scans with poses: frames 5 and 3 are the same two scans
+    command(drive, "--protocol", "together", "--pairs", "5:3", "--json", file)
+    (other,) = json.loads(file.read_text())["evaluations"]
+    assert other["target_count"] == evaluation["results"][0]["query_sets"]["front:rear"]["count"]
 
 
 def test_a_short_simulated_drive_is_compared_with_its_world_only(known_methods, tmp_path, capsys):
@@ -97,6 +133,12 @@ def test_a_short_simulated_drive_is_compared_with_its_world_only(known_methods, 
         (["--pairs", "0:77"], DriveError, "no frame 77"),
         (["--pairs", "2:2"], DriveError, "own reference"),
         (["--protocol", "all"], SettingsError, "single, past, map"),
+        (["--targets", "anywhere"], SettingsError, "returns, space"),
+        (["--protocol", "together", "--targets", "all"], SettingsError, "returns, space"),
+        (["--rate", "0"], SettingsError, "rate must be positive"),
+        (["--protocol", "together", "--graph"], SettingsError, "needs a drive"),
+        (["--protocol", "together", "--frame", "world"], SettingsError, "scene, scanner"),
+        (["--protocol", "together", "--pairs", "0:0"], DriveError, "own reference"),
         (["--json", "/nowhere/at/all.json"], OutputError, "no folder"),
         (["--json", "."], OutputError, "is a folder"),
     ],
@@ -151,7 +193,7 @@ def test_the_plot_shows_the_bins():
 def test_nan_is_a_dash():
     table = accuracy_table(evaluation_of([0.9, 0.8], [True, True]))
     assert table.rows[0][1] == "-"  # all labels are equal: no correlation
-    assert table.rows[0][3] == "0.025"
+    assert table.rows[0][4] == "0.025"
 
 
 def test_the_graph_and_markdown(drive, known_methods, tmp_path, capsys):

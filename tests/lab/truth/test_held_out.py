@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intervis.errors import PointsError, PoseError
-from intervis.lab.truth.held_out import HeldOutLabels, held_out_labels
+from intervis.lab.truth.held_out import (
+    DRIVE_RULE,
+    SILHOUETTES_VISIBLE,
+    HeldOutLabels,
+    beam_spacing_deg,
+    held_out_labels,
+    rule_for_scanner,
+)
 from intervis.transform import rigid, transform
 
 HERE = np.eye(4)
@@ -25,13 +32,13 @@ def at(azimuth_deg, range_m, elevation_deg=0.0):
     )
 
 
-def label(point, beams):
+def label(point, beams, rule=DRIVE_RULE):
     """True, False or None (no label) for one point, both scans at the same pose."""
-    labels = held_out_labels(np.array([point]), HERE, np.array(beams), HERE)
+    labels = held_out_labels(np.array([point]), HERE, np.array(beams), HERE, rule)
     return None if len(labels.index) == 0 else bool(labels.visible[0])
 
 
-def brute_force(points_i, pose_i, points_j, pose_j):
+def brute_force(points_i, pose_i, points_j, pose_j, silhouettes):
     """The same rule in plain Python, every point against every beam; {row: visible}."""
     to_j = np.linalg.inv(pose_j) @ pose_i
     labels = {}
@@ -48,7 +55,8 @@ def brute_force(points_i, pose_i, points_j, pose_j):
         if not beside or beside[0][0] >= 0.15:
             continue
         if any(abs(length - r) < 0.15 + 0.01 * r for _, length in beside):
-            labels[row] = True
+            if silhouettes or not any(length < r - 1 for _, length in beside):
+                labels[row] = True
         elif len(beside) >= 2 and all(length < r - (1 + 0.02 * r) for _, length in beside):
             labels[row] = False
     return labels
@@ -66,7 +74,8 @@ def brute_force(points_i, pose_i, points_j, pose_j):
         (20.0, [18.59], None),  # a single one may be noise
         (20.0, [18.61, 18.61], None),
         (20.0, [18.59, 18.61], None),
-        (20.0, [5.0, 5.0, 20.1], True),  # one beam reaches it
+        (20.0, [5.0, 5.0, 20.1], None),  # one beam reaches it, at a silhouette
+        (20.0, [20.1, 35.0], True),
         (20.0, [5.0, 5.0, 30.0], None),  # one passes it
         (20.0, [30.0, 30.0], None),
         (20.0, [], None),
@@ -103,8 +112,9 @@ def test_far_beam_counts_only_within_a_quarter_degree():
 
 def test_only_the_eight_nearest_beams_count():
     eight = [at(0, 4.0, 0.01 * k) for k in range(8)]
-    assert label(at(0, 10.0), [*eight, at(0.2, 10.0)]) is False
-    assert label(at(0, 10.0), [*eight[:7], at(0.2, 10.0)]) is True
+    assert label(at(0, 10.0), [*eight, at(0.2, 10.0)], SILHOUETTES_VISIBLE) is False
+    assert label(at(0, 10.0), [*eight[:7], at(0.2, 10.0)], SILHOUETTES_VISIBLE) is True
+    assert label(at(0, 10.0), [*eight[:7], at(0.2, 10.0)]) is None
 
 
 def test_viewpoint_and_range_are_in_frame_i():
@@ -157,9 +167,10 @@ def test_labels_equal_brute_force(seed):
     world = transform(pose_j, points * rng.choice([1.0, 1.002, 0.8, 1.3], (150, 1)))
     points_i = transform(np.linalg.inv(pose_i), world + rng.normal(0, 0.01, (150, 3)))
     points_j = points[rng.random(150) < 0.7]
-    labels = held_out_labels(points_i, pose_i, points_j, pose_j)
-    expected = brute_force(points_i, pose_i, points_j, pose_j)
-    assert dict(zip(labels.index.tolist(), labels.visible.tolist(), strict=True)) == expected
+    for rule in (DRIVE_RULE, SILHOUETTES_VISIBLE):
+        labels = held_out_labels(points_i, pose_i, points_j, pose_j, rule)
+        expected = brute_force(points_i, pose_i, points_j, pose_j, rule.label_silhouettes)
+        assert dict(zip(labels.index.tolist(), labels.visible.tolist(), strict=True)) == expected
 
 
 def test_the_random_cases_give_every_label():
@@ -176,3 +187,60 @@ def test_inputs_are_not_changed():
     before = points.copy()
     held_out_labels(points, HERE, points, HERE)
     np.testing.assert_array_equal(points, before)
+
+
+def grid_scan(azimuth_step_deg, elevation_step_deg, range_m=9.0):
+    azimuth, elevation = np.mgrid[-15:16, -15:16].reshape(2, -1)
+    rows = zip(azimuth * azimuth_step_deg, elevation * elevation_step_deg, strict=True)
+    return np.array([at(a, range_m, e) for a, e in rows])
+
+
+@pytest.mark.parametrize(
+    ("azimuth_step", "elevation_step", "fourth"),
+    [
+        (0.5, 0.5, 0.5),
+        (0.2, 1.0, 0.4),  # 0.2, 0.2, 0.4, 0.4 within the ring
+        (0.2, 0.3, 0.3),  # 0.2, 0.2, 0.3, 0.3: the neighbours in the ring, and above and below
+    ],
+)
+def test_beam_spacing_is_the_fourth_nearest_angle(azimuth_step, elevation_step, fourth, rng):
+    scan = grid_scan(azimuth_step, elevation_step) * rng.uniform(0.2, 5.0, (961, 1))
+    with_others = np.vstack([scan, np.zeros((50, 3)), np.full((2, 3), np.nan)])
+    assert beam_spacing_deg(with_others) == pytest.approx(fourth, rel=0.02)
+
+
+def test_beam_spacing_by_all_angles(rng):
+    unit = np.array([at(a, 1.0, e) for a, e in rng.uniform(-4, 4, (61, 2))])
+    angles = np.degrees(np.arccos(np.clip(unit @ unit.T, -1, 1)))
+    np.fill_diagonal(angles, np.inf)
+    fourth = np.sort(angles, axis=1)[:, 3]
+    assert beam_spacing_deg(unit) == pytest.approx(np.median(fourth))
+
+
+def test_spacing_of_few_returns_is_undefined():
+    assert np.isnan(beam_spacing_deg(np.empty((0, 3))))
+    assert np.isnan(beam_spacing_deg(np.array([at(0, 5.0), at(1, 5.0)])))
+
+
+def test_the_rule_of_a_scanner_scales_with_its_spacing():
+    coarse, fine = rule_for_scanner(grid_scan(1.0, 1.0)), rule_for_scanner(grid_scan(0.1, 0.1))
+    assert coarse.nearest_angle_deg == pytest.approx(0.8, rel=0.01)
+    assert coarse.neighbour_angle_deg == pytest.approx(1.3, rel=0.01)
+    assert (fine.nearest_angle_deg, fine.neighbour_angle_deg) == (0.15, 0.25)
+    assert (coarse.min_range_m, coarse.max_range_m) == (1.5, 75.0)
+    assert not coarse.label_silhouettes
+
+
+@pytest.mark.parametrize(
+    ("beam_ranges", "labelled", "unlabelled"),
+    [
+        ([20.0, 19.01], True, True),  # less than 1 m nearer
+        ([20.0, 18.99], True, None),  # a silhouette
+        ([20.0, 35.0], True, True),  # a beam beyond does not make one
+        ([10.0, 10.0], False, False),
+    ],
+)
+def test_silhouettes(beam_ranges, labelled, unlabelled):
+    point, beams = at(0, 20.0), [at(0, r) for r in beam_ranges]
+    assert label(point, beams, SILHOUETTES_VISIBLE) is labelled
+    assert label(point, beams) is unlabelled

@@ -14,6 +14,8 @@ from intervis.lab.calibrate.line_set import QueryLines, SampleTable, query_lines
 from intervis.lab.calibrate.outcome import Outcome, versions
 from intervis.lab.calibrate.plan import STREET, Input, Plan, Stage, fingerprints, opened
 from intervis.lab.truth.evaluation import held_out_query_sets, world_query_sets
+from intervis.lab.truth.held_out import SILHOUETTES_VISIBLE
+from intervis.lab.truth.labelled_targets import HeldOutSettings
 from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.worlds import load_world
 from intervis.lab.worlds.ray_casting import require_embreex
@@ -22,6 +24,8 @@ from intervis.sight import occupancy_model as model
 from intervis.sight.answers import sum_lines
 from intervis.sight.kernels.parameters import OccupancyModel
 
+LABELS = HeldOutSettings(rule=SILHOUETTES_VISIBLE)
+"""The shipped numbers were fitted with silhouettes labelled visible."""
 PROBABILITY_LINES = 20
 """So many times more lines are drawn for `probability` and `thresholds`: the engine sums them."""
 
@@ -170,7 +174,7 @@ def _queries(
 
 def _query_sets(drive: Drive, given: Input, stage: Stage, protocol: Any) -> Iterator[QuerySet]:
     if stage != "thresholds":
-        yield from held_out_query_sets(drive, given.frame_pairs, protocol)
+        yield from held_out_query_sets(drive, given.frame_pairs, protocol, LABELS)
         return
     world = load_world(drive.root)
     frames = sorted({i for i, _ in given.frame_pairs})

@@ -11,14 +11,16 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.terminal import progress, show, tell
-from intervis.errors import DriveError
+from intervis.errors import DriveError, SettingsError
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
+    from intervis.lab.truth.labelled_targets import HeldOutSettings
     from intervis.lab.truth.pairs import Pairs
     from intervis.lab.truth.paper_graph import GraphScore
     from intervis.lab.truth.protocols import Protocol
     from intervis.lab.truth.results import EvaluationResult
+    from intervis.lab.truth.scanner_set import ScannerSet
     from intervis.lab.worlds.recording import RecordedWorld
     from intervis.plots.tables import Table
 
@@ -28,24 +30,56 @@ STREET, STREET_FRAMES = "street", 24
 
 def evaluate(
     source: Annotated[
-        str, typer.Argument(help="A drive with poses, or 'street': the built-in world.")
+        str,
+        typer.Argument(
+            help="A drive with poses, or 'street': the built-in world. With --protocol together:"
+            " a TOML file that lists scanners and their poses, or a folder of scans with poses."
+        ),
     ],
     pairs: Annotated[
         str | None,
         typer.Option(
             metavar="I:J,...",
             help="Frame numbers: the points of scan I are the targets, the pose of J is the"
-            " viewpoint, scan J is the reference. Default: pairs 4 to 16 m apart.",
+            " viewpoint, scan J is the reference. Default: pairs 4 to 16 m apart. With --protocol"
+            " together: names KNOWN:REFERENCE; default: those of the file, or all.",
         ),
     ] = None,
     protocol: Annotated[
         str,
         typer.Option(
-            metavar="single|past|map",
+            metavar="single|past|map|together",
             help="The scans that a method gets: scan I; all scans up to I; all scans taken 2 m"
-            " or farther from J.",
+            " or farther from J; the scan of one of several scanners of one moment.",
         ),
     ] = "single",
+    frame: Annotated[
+        str,
+        typer.Option(
+            metavar="scene|scanner",
+            help="With --protocol together: the frame of the queries. The scene's: the scan is"
+            " given with its pose. The known scanner's: it is given without one.",
+        ),
+    ] = "scene",
+    targets: Annotated[
+        str,
+        typer.Option(
+            metavar="returns|space",
+            help="What a reference scan judges: points of scan I, or random points in its field of"
+            " view.",
+        ),
+    ] = "returns",
+    rate_hz: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="HZ", help="Frames a second of a drive without timestamps."),
+    ] = None,
+    count_silhouettes: Annotated[
+        bool,
+        typer.Option(
+            "--count-silhouettes",
+            help="Label points at silhouettes visible, as earlier results did.",
+        ),
+    ] = False,
     baselines: Annotated[
         bool, typer.Option("--rivals", help="Evaluate the baselines too, at several settings.")
     ] = False,
@@ -69,21 +103,24 @@ def evaluate(
     """Measure the accuracy of sight lines, against held-out returns and exact worlds.
 
     The returns of a held-out scan show which points are visible from its pose. For a simulated
-    drive, rays cast at its known triangles give the ground truth as well.
+    drive, rays cast at its known triangles give the ground truth as well. With --protocol together
+    the held-out scan is that of a second scanner at the same moment.
     """
-    from intervis.lab.truth.pairs import parsed_pairs
-    from intervis.lab.truth.protocols import checked_protocol
+    from intervis.lab.truth.held_out import DRIVE_RULE, SILHOUETTES_VISIBLE
+    from intervis.lab.truth.labelled_targets import HeldOutSettings
+    from intervis.lab.truth.protocols import TOGETHER
 
-    checked = checked_protocol(protocol)
-    requested = parsed_pairs(pairs) if pairs is not None else None
     for path in (json_file, markdown, plot):
         options.check_output_file(path)
-    with _opened(source) as drive:
-        world = _world_of(drive)
-        chosen = _pairs(drive, requested, world)
-        evaluations = _evaluations(drive, chosen, world, checked, baselines)
-        graphs = _graphs(drive, chosen, world) if graph else {}
-        identity = drive.fingerprint()
+    if protocol == TOGETHER:
+        if graph:
+            raise SettingsError("--graph needs a drive; leave it out with --protocol together.")
+        evaluations, identity = _together(source, pairs, frame, targets, baselines)
+        graphs: dict[str, list[GraphScore]] = {}
+    else:
+        rule = SILHOUETTES_VISIBLE if count_silhouettes else DRIVE_RULE
+        settings = HeldOutSettings(targets, rule, rate_hz)
+        evaluations, graphs, identity = _drive(source, pairs, protocol, baselines, graph, settings)
     tables = _tables(evaluations, graphs, every_setting)
     for table in tables:
         show(table.as_text() + "\n")
@@ -100,6 +137,69 @@ def evaluate(
 
         save_reliability(evaluations, plot)
         show(f"Reliability diagram: {plot}")
+
+
+def _drive(
+    source: str,
+    pairs: str | None,
+    protocol: str,
+    baselines: bool,
+    graph: bool,
+    settings: "HeldOutSettings",
+) -> "tuple[list[EvaluationResult], dict[str, list[GraphScore]], dict[str, Any]]":
+    """The evaluations of a drive, the scores of the paper's graph, and the drive's fingerprint."""
+    from intervis.lab.truth.pairs import parsed_pairs
+    from intervis.lab.truth.protocols import checked_protocol
+
+    checked = checked_protocol(protocol)
+    requested = parsed_pairs(pairs) if pairs is not None else None
+    with _opened(source) as drive:
+        world = _world_of(drive)
+        chosen = _pairs(drive, requested, world)
+        evaluations = _evaluations(drive, chosen, world, checked, baselines, settings)
+        graphs = _graphs(drive, chosen, world) if graph else {}
+        return evaluations, graphs, drive.fingerprint()
+
+
+def _together(
+    source: str, pairs: str | None, frame: str, targets: str, baselines: bool
+) -> "tuple[list[EvaluationResult], dict[str, Any]]":
+    """The evaluation of several scanners of one moment, and their fingerprint."""
+    from intervis.lab.truth.evaluation import methods_for
+    from intervis.lab.truth.labelled_targets import checked_targets
+    from intervis.lab.truth.together import checked_frame, evaluate_together
+
+    checked, kind = checked_frame(frame), checked_targets(targets)
+    scanners = _scanners(source, pairs)
+    methods = methods_for("single", baselines=baselines)
+    with progress("answers", len(scanners.pairs) * len(methods)) as advance:
+        result = evaluate_together(
+            scanners, frame=checked, targets=kind, methods=methods, progress=advance
+        )
+    return [result], scanners.fingerprint()
+
+
+def _scanners(source: str, pairs: str | None) -> "ScannerSet":
+    """The scanners of a TOML file or of a folder with poses."""
+    from dataclasses import replace
+
+    from intervis.drives import open_drive
+    from intervis.lab.truth.pairs import parsed_pairs
+    from intervis.lab.truth.scanner_set import (
+        checked_pairs,
+        parsed_scanner_pairs,
+        read_scanners,
+        scanners_of_drive,
+    )
+
+    path = Path(source).expanduser()
+    if path.suffix.lower() != ".toml":
+        requested = None if pairs is None else parsed_pairs(pairs)
+        return scanners_of_drive(open_drive(path), requested)
+    listed = read_scanners(path)
+    if pairs is None:
+        return listed
+    return checked_pairs(replace(listed, pairs=parsed_scanner_pairs(pairs)))
 
 
 @contextmanager
@@ -148,6 +248,7 @@ def _evaluations(
     world: "RecordedWorld | None",
     protocol: "Protocol",
     baselines: bool,
+    settings: "HeldOutSettings",
 ) -> "list[EvaluationResult]":
     from intervis.lab.truth.evaluation import (
         evaluate_held_out,
@@ -166,7 +267,12 @@ def _evaluations(
         if pairs:
             found.append(
                 evaluate_held_out(
-                    drive, pairs=pairs, protocol=protocol, methods=methods, progress=advance
+                    drive,
+                    pairs=pairs,
+                    protocol=protocol,
+                    methods=methods,
+                    progress=advance,
+                    settings=settings,
                 )
             )
         if world is not None:
@@ -208,13 +314,20 @@ def _tables(
     graphs: "dict[str, list[GraphScore]]",
     every_setting: bool,
 ) -> "list[Table]":
-    from intervis.lab.truth.tables import accuracy_table, graph_table, viewpoint_table
+    from intervis.lab.truth.protocols import TOGETHER
+    from intervis.lab.truth.tables import (
+        accuracy_table,
+        graph_table,
+        risk_table,
+        viewpoint_table,
+    )
 
     tables = []
     for evaluation in evaluations:
         tables += [
             accuracy_table(evaluation, every_setting=every_setting),
-            viewpoint_table(evaluation),
+            risk_table(evaluation, every_setting=every_setting),
+            viewpoint_table(evaluation, every_method=evaluation.protocol == TOGETHER),
         ]
     return tables + [graph_table(truth, scores) for truth, scores in graphs.items()]
 

@@ -9,7 +9,12 @@ from intervis.errors import DriveError
 from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.dynamic import dynamic_lines
 from intervis.lab.truth.exact_world import Sampling, exact_query_sets
-from intervis.lab.truth.held_out import held_out_labels
+from intervis.lab.truth.labelled_targets import (
+    HELD_OUT,
+    HeldOutSettings,
+    labelled_targets,
+    targets_suffix,
+)
 from intervis.lab.truth.methods import Method, baseline_methods, engine
 from intervis.lab.truth.pairs import Pairs, checked_poses, default_pairs
 from intervis.lab.truth.protocols import Protocol, checked_protocol, distance_m, input_frames
@@ -17,7 +22,6 @@ from intervis.lab.truth.query_set import QuerySet, QuerySets
 from intervis.lab.truth.results import EvaluationResult, run_methods
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.progress import Progress, silent
-from intervis.transform import transform
 
 MAX_SCANS = 40
 """A method gets at most so many scans: those whose poses are nearest to the viewpoint."""
@@ -32,10 +36,12 @@ def evaluate_held_out(
     baselines: bool = False,
     progress: Progress | None = None,
     methods: Sequence[Method] | None = None,
+    settings: HeldOutSettings = HELD_OUT,
 ) -> EvaluationResult:
     """Evaluate sight lines through a drive against the returns of held-out scans.
 
-    Where the drive has timestamps, the methods are queried for the time of scan j.
+    Where the drive has timestamps, or the rate of its frames is given, the methods are queried for
+    the time of scan j. They get every return of their scans, near ones too.
 
     Parameters
     ----------
@@ -52,6 +58,8 @@ def evaluate_held_out(
         Called with a note after each method has answered a query set.
     methods : sequence of Method, optional
         The methods to evaluate, instead of the engine (and the baselines).
+    settings : HeldOutSettings
+        Targets, labels, and the rate of a drive without timestamps.
 
     Returns
     -------
@@ -69,11 +77,12 @@ def evaluate_held_out(
     """
     known = checked_protocol(protocol)
     results, labels, target_count = run_methods(
-        held_out_query_sets(drive, chosen_pairs(drive, pairs), known),
+        held_out_query_sets(drive, chosen_pairs(drive, pairs), known, settings),
         methods or methods_for(known, baselines=baselines),
         progress or silent,
     )
-    return EvaluationResult(drive.name, "held-out returns", known, labels, target_count, results)
+    ground_truth = "held-out returns" + targets_suffix(settings.targets)
+    return EvaluationResult(drive.name, ground_truth, known, labels, target_count, results)
 
 
 def evaluate_world(
@@ -178,26 +187,33 @@ def _check_frames(drive: Drive, numbers: Sequence[int]) -> None:
             drive[number]  # raises a DriveError that names the nearest numbers
 
 
-def held_out_query_sets(drive: Drive, pairs: Pairs, protocol: Protocol) -> QuerySets:
+def held_out_query_sets(
+    drive: Drive,
+    pairs: Pairs,
+    protocol: Protocol,
+    settings: HeldOutSettings = HELD_OUT,
+) -> QuerySets:
     """One query set for each pair of frames (i, j); see `evaluate_held_out`."""
     poses, scan_of = _poses(drive), _cached_scans(drive)
+    timestamps_ns = settings.timestamps_ns(drive)
     for i, j in pairs:
-        labels = held_out_labels(scan_of(i), poses[i], scan_of(j), poses[j])
-        if len(labels.index) == 0:
+        targets, visible = labelled_targets(
+            settings.targets, (scan_of(i), poses[i]), (scan_of(j), poses[j]), settings.rule, (i, j)
+        )
+        if len(targets) == 0:
             raise DriveError(
                 f"scan {j} gives no label for any point of scan {i}: choose frames that see the"
                 " same place."
             )
         numbers = _nearest(input_frames(protocol, poses, i, j), poses, poses[j], i)
         viewpoint = poses[j][:3, 3].copy()
-        targets = transform(poses[i], scan_of(i)[labels.index])
         dynamic = dynamic_lines(viewpoint, targets, scan_of(i), poses[i], scan_of(j), poses[j])
         yield QuerySet(
             f"{i}:{j}",
-            _input_scans(drive, numbers, poses, scan_of, i, j),
+            _input_scans(timestamps_ns, numbers, poses, scan_of, i, j),
             viewpoint,
             targets,
-            labels.visible,
+            visible,
             {"static": ~dynamic, "dynamic": dynamic},
         )
 
@@ -218,12 +234,12 @@ def world_query_sets(
             "map": tuple(sorted(poses)),
         }[protocol]
         nearest = _nearest(allowed, poses, poses[number], number)
-        inputs = _input_scans(drive, nearest, poses, scan_of, number, number)
+        inputs = _input_scans(drive.timestamps_ns, nearest, poses, scan_of, number, number)
         yield from exact_query_sets(inputs, RayCaster(triangles_at(number)), sampling)
 
 
 def _input_scans(
-    drive: Drive,
+    timestamps_ns: Mapping[int, int],
     numbers: Sequence[int],
     poses: Mapping[int, Float64Array],
     scan_of: Callable[[int], Float32Array],
@@ -236,7 +252,7 @@ def _input_scans(
         tuple(poses[number] for number in numbers),
         i,
         j,
-        _seconds_since(drive.timestamps_ns, numbers, j),
+        _seconds_since(timestamps_ns, numbers, j),
     )
 
 

@@ -2,8 +2,8 @@
 
 Scan i is the input, pose j the viewpoint, scan j the reference. A point of scan i is *visible*
 from pose j where a return of scan j lies on it. It is *occluded* where all beams of scan j in its
-direction end well before it. In all other cases it has no label: between the beams, beside an
-edge, or where a beam ends farther away.
+direction end well before it. In all other cases it has no label: between the beams, at a
+silhouette, or where a beam ends farther away.
 """
 
 from dataclasses import dataclass
@@ -22,10 +22,6 @@ from intervis.arrays import (
 from intervis.directions import chord, directions, nearest_directions
 from intervis.transform import checked_pose, inverse, transform
 
-NEIGHBOUR_ANGLE_DEG = 0.25
-"""Returns of the reference scan within this angle of a direction are used for its label."""
-NEAREST_ANGLE_DEG = 0.15
-"""There is no label where the nearest return is farther off than this."""
 NEIGHBOUR_COUNT = 8
 """At most so many returns are used, the nearest ones."""
 MIN_OCCLUDERS = 2
@@ -36,8 +32,87 @@ range."""
 BEFORE_M, BEFORE_FRACTION = 1.0, 0.02
 """A return occludes the point where it ends earlier by more than this, plus a fraction of the
 range."""
-MIN_RANGE_M, MAX_RANGE_M = 2.7, 75.0
-"""Points nearer to pose j (the vehicle itself) or farther away (too few beams) have no label."""
+NEAREST_SPACINGS, NEIGHBOUR_SPACINGS = 0.8, 1.3
+"""Angles of `rule_for_scanner`, in beam spacings of the reference scanner."""
+SCANNER_RANGE_M = (1.5, 75.0)
+"""Range limits of `rule_for_scanner`."""
+MAX_SPACING_DEG = 20.0
+"""Neighbours of a return are searched within this angle."""
+
+
+@dataclass(frozen=True)
+class LabelRule:
+    """Which returns of the reference scan decide on a label, and which points get one.
+
+    The defaults are for a scanner with beams 0.1 to 0.4 degrees apart on a moving vehicle.
+
+    Attributes
+    ----------
+    nearest_angle_deg : float
+        There is no label where the nearest return is farther off than this.
+    neighbour_angle_deg : float
+        Returns within this angle of a direction are used for its label.
+    min_range_m, max_range_m : float
+        Points nearer to pose j (the vehicle itself) or farther away (too few beams) have no label.
+    label_silhouettes : bool
+        Whether a point is labelled visible although another of its returns is nearer by more than
+        1 m. Such a point lies at the silhouette of a nearer object: some beams end on the object,
+        some on the point. The returns do not show which holds for the point.
+    """
+
+    nearest_angle_deg: float = 0.15
+    neighbour_angle_deg: float = 0.25
+    min_range_m: float = 2.7
+    max_range_m: float = 75.0
+    label_silhouettes: bool = False
+
+
+DRIVE_RULE = LabelRule()
+"""The rule for two scans of one vehicle."""
+SILHOUETTES_VISIBLE = LabelRule(label_silhouettes=True)
+"""The same with silhouettes labelled visible: the rule of results up to schema 2."""
+
+
+def beam_spacing_deg(points: FloatArray) -> float:
+    """Median angle from each return of a scan (N, 3) to its fourth nearest neighbour, degrees.
+
+    Returns at the origin and rows that are not finite are ignored. NaN where fewer than half of
+    the returns have four neighbours within 20 degrees.
+
+    Examples
+    --------
+    Directions on a square grid of 0.2 degrees have four neighbours at this angle:
+
+    >>> azimuth, elevation = np.radians(0.2 * np.mgrid[-20:21, -20:21]).reshape(2, -1)
+    >>> grid = np.column_stack([np.ones(len(azimuth)), np.tan(azimuth), np.tan(elevation)])
+    >>> round(beam_spacing_deg(9.0 * grid), 3)
+    0.2
+    """
+    _, xyz = _finite(points, "points")
+    unit, range_m = directions(xyz)
+    unit = unit[range_m > 0]
+    if len(unit) == 0:
+        return float("nan")
+    # Of the five nearest, the first is the return itself.
+    distance, _ = nearest_directions(unit, unit, 5, MAX_SPACING_DEG)
+    median = float(np.median(distance[:, 4]))
+    return float(np.degrees(2 * np.arcsin(median / 2))) if np.isfinite(median) else float("nan")
+
+
+def rule_for_scanner(points_j: FloatArray) -> LabelRule:
+    """The rule for two scanners at one moment: angles in beam spacings of the reference scanner.
+
+    With spacing s (`beam_spacing_deg`), the nearest return must lie within max(0.15, 0.8 s)
+    degrees, and returns within max(0.25, 1.3 s) degrees are used. Points at 1.5 to 75 m have
+    labels.
+    """
+    spacing_deg = float(np.nan_to_num(beam_spacing_deg(points_j)))
+    return LabelRule(
+        nearest_angle_deg=max(DRIVE_RULE.nearest_angle_deg, NEAREST_SPACINGS * spacing_deg),
+        neighbour_angle_deg=max(DRIVE_RULE.neighbour_angle_deg, NEIGHBOUR_SPACINGS * spacing_deg),
+        min_range_m=SCANNER_RANGE_M[0],
+        max_range_m=SCANNER_RANGE_M[1],
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +138,11 @@ class HeldOutLabels:
 
 
 def held_out_labels(
-    points_i: FloatArray, pose_i: ArrayLike, points_j: FloatArray, pose_j: ArrayLike
+    points_i: FloatArray,
+    pose_i: ArrayLike,
+    points_j: FloatArray,
+    pose_j: ArrayLike,
+    rule: LabelRule = DRIVE_RULE,
 ) -> HeldOutLabels:
     """Label points of scan i as visible or occluded from pose j, by the returns of scan j.
 
@@ -71,9 +150,11 @@ def held_out_labels(
     of its direction are compared with it, at most the eight nearest. The nearest must be within
     0.15 degrees; otherwise the point has no label.
 
-    - visible: one of them has ``abs(range - r) < 0.15 + 0.01 r``;
+    - visible: one of them has ``abs(range - r) < 0.15 + 0.01 r``, and none ``range < r - 1``;
     - occluded: there are at least two, and all have ``range < r - (1 + 0.02 r)``;
     - all other points have no label, nor points with ``r`` outside 2.7 to 75 m.
+
+    These are the values of the default rule.
 
     Parameters
     ----------
@@ -82,6 +163,7 @@ def held_out_labels(
         and so are returns at the origin, which have no direction.
     pose_i, pose_j : (4, 4) arrays
         world_from_velo of the two scans.
+    rule : LabelRule
 
     Returns
     -------
@@ -114,16 +196,16 @@ def held_out_labels(
     direction_i, range_i = directions(transform(j_from_i, xyz_i))
     direction_j, range_j = directions(xyz_j)
     beams = np.flatnonzero(range_j > 0)
-    query = np.flatnonzero((range_i >= MIN_RANGE_M) & (range_i <= MAX_RANGE_M))
+    query = np.flatnonzero((range_i >= rule.min_range_m) & (range_i <= rule.max_range_m))
     if len(beams) == 0 or len(query) == 0:
         nothing = np.empty(0, dtype=np.int64)
         return HeldOutLabels(nothing, nothing.astype(bool), viewpoint_i, np.empty(0))
 
     distance, row = nearest_directions(
-        direction_j[beams], direction_i[query], NEIGHBOUR_COUNT, NEIGHBOUR_ANGLE_DEG
+        direction_j[beams], direction_i[query], NEIGHBOUR_COUNT, rule.neighbour_angle_deg
     )
     beam_range = np.append(range_j[beams], np.inf)[row]  # row == len(beams): no neighbour
-    visible, occluded = _classify(distance, beam_range, range_i[query])
+    visible, occluded = _classify(distance, beam_range, range_i[query], rule)
     labelled = visible | occluded
     query = query[labelled]
     return HeldOutLabels(row_i[query], visible[labelled], viewpoint_i, range_i[query])
@@ -137,7 +219,7 @@ def _finite(points: FloatArray, name: str) -> tuple[IntArray, Float64Array]:
 
 
 def _classify(
-    distance: Float64Array, beam_range: Float64Array, point_range: Float64Array
+    distance: Float64Array, beam_range: Float64Array, point_range: Float64Array, rule: LabelRule
 ) -> tuple[BoolArray, BoolArray]:
     """Which points are visible and which occluded, (K,) each; both False: no label.
 
@@ -145,10 +227,12 @@ def _classify(
     """
     exists = np.isfinite(distance)
     r = point_range[:, None]
-    near_enough = distance[:, 0] < chord(NEAREST_ANGLE_DEG)
+    near_enough = distance[:, 0] < chord(rule.nearest_angle_deg)
     on_point = exists & (np.abs(beam_range - r) < SAME_M + SAME_FRACTION * r)
     before = beam_range < r - (BEFORE_M + BEFORE_FRACTION * r)
     visible = near_enough & on_point.any(axis=1)
+    if not rule.label_silhouettes:
+        visible &= ~(beam_range < r - BEFORE_M).any(axis=1)
     enough = exists.sum(axis=1) >= MIN_OCCLUDERS
     occluded = near_enough & enough & (before | ~exists).all(axis=1)
     return visible, occluded

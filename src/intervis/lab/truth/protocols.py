@@ -13,6 +13,9 @@ from intervis.errors import DriveError, SettingsError
 
 Protocol = Literal["single", "past", "map"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
+TOGETHER = "together"
+"""Name of the protocol of `intervis.lab.truth.together`: scanners of one moment, not frames of a
+drive."""
 
 MAP_DISTANCE_M = 2.0
 """Protocol ``map`` uses the scans taken at this distance from pose j, or farther."""

@@ -13,7 +13,7 @@ from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.truth.scores import Scores, average, number_or_none, score
 from intervis.progress import Progress
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of the JSON; raised when a key changes."""
 
 
@@ -111,12 +111,15 @@ class EvaluationResult:
     target_count: int
     results: tuple[MethodResult, ...]
 
-    def best_settings(self) -> list[MethodResult]:
-        """The result with the highest mean MCC of each method, in the methods' order."""
+    def best_settings(self, query_set: str | None = None) -> list[MethodResult]:
+        """The result of each method with the highest MCC, in the methods' order.
+
+        The MCC is the mean over the query sets, or that of one query set.
+        """
         best: dict[str, MethodResult] = {}
         for result in self.results:
             known = best.get(result.method)
-            if known is None or _sort_key(result) > _sort_key(known):
+            if known is None or _sort_key(result, query_set) > _sort_key(known, query_set):
                 best[result.method] = result
         return list(best.values())
 
@@ -168,10 +171,10 @@ def _scored(query_set: QuerySet, predictions: Predictions, mask: BoolArray | Non
     )
 
 
-def _sort_key(result: MethodResult) -> float:
-    """The mean MCC; -inf where it is undefined, so that such a result is never the best."""
-    mcc = result.mean.mcc
-    return mcc if math.isfinite(mcc) else -math.inf
+def _sort_key(result: MethodResult, query_set: str | None) -> float:
+    """The MCC; -inf where it is undefined, so that such a result is never the best."""
+    scores = result.mean if query_set is None else result.scores[result.labels.index(query_set)]
+    return scores.mcc if math.isfinite(scores.mcc) else -math.inf
 
 
 def _median(values: Sequence[float]) -> float:

@@ -1,4 +1,4 @@
-"""Scores of visibility predictions: correlation, ranking, calibration and coverage.
+"""Scores of visibility predictions: correlation, ranking, calibration, coverage and risk.
 
 A score that is not defined for the given points is NaN: the precision of a state that was never
 predicted, a correlation where all labels are equal. Averages leave NaN out.
@@ -15,12 +15,15 @@ from scipy.stats import rankdata
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
 from intervis.errors import PointsError
+from intervis.lab.truth.risk_coverage import risk_coverage
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
 
 BIN_COUNT = 10
 """Number of bins of the reliability diagram, equally wide over 0 to 1."""
 MIN_BIN_FRACTION = 0.01
 """`Reliability.max_calibration_error` ignores bins that hold a smaller fraction of the points."""
+COVERAGES = (0.6, 0.8, 0.95)
+"""Coverages at which the rates of false answers are reported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,16 @@ class Scores:
         "unknown".
     visible_fraction : float
         Fraction of points that are visible.
+    aurc : float
+        Area under the risk-coverage curve of the probability: 0 is best. See
+        `intervis.lab.truth.risk_coverage`.
+    false_visible_60, false_visible_80, false_visible_95 : float
+        Fraction of the surest 60, 80 and 95 % of the points that are called visible, and are not.
+    false_occluded_60, false_occluded_80, false_occluded_95 : float
+        The same for points that are called occluded. The sum of the two is the risk.
+    unknown_probability, unknown_visible_fraction : float
+        Mean probability of the points with state "unknown", and the fraction of them that are
+        visible.
     count : int
         Number of points.
     reliability : Reliability
@@ -104,6 +117,15 @@ class Scores:
     precision_occluded: float
     mcc_answered: float
     visible_fraction: float
+    aurc: float
+    false_visible_60: float
+    false_visible_80: float
+    false_visible_95: float
+    false_occluded_60: float
+    false_occluded_80: float
+    false_occluded_95: float
+    unknown_probability: float
+    unknown_visible_fraction: float
     count: int
     reliability: Reliability
 
@@ -154,6 +176,8 @@ def score(visible: ArrayLike, probability: ArrayLike, state: ArrayLike | None = 
     labels, probabilities, states = _checked(visible, probability, state)
     answered = states != UNKNOWN
     predicted_visible, predicted_occluded = states == VISIBLE, states == OCCLUDED
+    curve = risk_coverage(labels, probabilities)
+    false_rates = [curve.false_rates(coverage) for coverage in COVERAGES]
     return Scores(
         mcc=matthews(labels, probabilities >= 0.5),
         auc=area_under_curve(labels, probabilities),
@@ -163,6 +187,15 @@ def score(visible: ArrayLike, probability: ArrayLike, state: ArrayLike | None = 
         precision_occluded=mean_or_nan(~labels[predicted_occluded]),
         mcc_answered=matthews(labels[answered], predicted_visible[answered]),
         visible_fraction=mean_or_nan(labels),
+        aurc=curve.area,
+        false_visible_60=false_rates[0][0],
+        false_visible_80=false_rates[1][0],
+        false_visible_95=false_rates[2][0],
+        false_occluded_60=false_rates[0][1],
+        false_occluded_80=false_rates[1][1],
+        false_occluded_95=false_rates[2][1],
+        unknown_probability=mean_or_nan(probabilities[~answered]),
+        unknown_visible_fraction=mean_or_nan(labels[~answered]),
         count=len(labels),
         reliability=reliability(labels, probabilities),
     )

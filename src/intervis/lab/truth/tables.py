@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
+from intervis.lab.truth.scores import COVERAGES
 from intervis.plots.tables import Table
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 SCORE_HEADINGS = (
     "MCC",
+    "AURC",
     "AUC",
     "Brier",
     "max cal. error",
@@ -29,6 +31,24 @@ NOTE = (
     " columns are over these targets. Scores are means over the viewpoints, the calibration error"
     " is that of their pooled bins. Prepare and answer: median times for one viewpoint, ms (blank:"
     " included in answer)."
+)
+RISK_HEADINGS = (
+    "MCC",
+    "AURC",
+    *(
+        f"false {state} at {coverage:.0%}"
+        for coverage in COVERAGES
+        for state in ("visible", "occluded")
+    ),
+    "unknown said",
+    "unknown visible",
+)
+RISK_NOTE = (
+    "AURC: mean risk over all coverages; the risk at a coverage is the fraction of wrong answers"
+    " among the targets with the probability farthest from 0.5. False visible (occluded): fraction"
+    " of these targets that are called visible (occluded), and are not; the sum of the two is the"
+    " risk. Unknown said, unknown visible: mean probability of the targets whose state is"
+    ' "unknown", and the fraction of them that are visible.'
 )
 
 GRAPH_HEADINGS = (
@@ -73,14 +93,37 @@ def accuracy_table(evaluation: "EvaluationResult", *, every_setting: bool = Fals
     return Table(title, ("method", *SCORE_HEADINGS, "prepare", "answer"), tuple(cells), (NOTE,))
 
 
-def viewpoint_table(evaluation: "EvaluationResult") -> Table:
-    """The scores of the first method, the engine, for each viewpoint."""
-    result = evaluation.results[0]
-    cells = [
-        (label, *_scores(scores))
-        for label, scores in zip(result.labels, result.scores, strict=True)
-    ]
-    return Table(f"{result.method}, each viewpoint", ("viewpoint", *SCORE_HEADINGS), tuple(cells))
+def risk_table(evaluation: "EvaluationResult", *, every_setting: bool = False) -> Table:
+    """Risk and coverage: one row for each method, and for each subset of the targets."""
+    results = evaluation.results if every_setting else evaluation.best_settings()
+    cells = [(_name(result), *_risks(result.mean)) for result in results]
+    for subset in results[0].subsets if results else ():
+        cells += [
+            (f"{_name(result)}, {subset}", *_risks(result.mean_of(subset))) for result in results
+        ]
+    title = (
+        f"{evaluation.source}: risk and coverage, {evaluation.ground_truth}, protocol"
+        f" {evaluation.protocol}"
+    )
+    return Table(title, ("method", *RISK_HEADINGS), tuple(cells), (RISK_NOTE,))
+
+
+def viewpoint_table(evaluation: "EvaluationResult", *, every_method: bool = False) -> Table:
+    """The scores of the engine for each viewpoint, or those of all methods.
+
+    Each other method is shown at the setting with its highest MCC for that viewpoint.
+    """
+    engine, *_ = evaluation.results
+    cells: list[tuple[str, ...]] = []
+    for place, label in enumerate(evaluation.query_sets):
+        cells.append((label, *_scores(engine.scores[place])))
+        if every_method:
+            cells += [
+                (f"{label}, {_name(result)}", *_scores(result.scores[place]))
+                for result in evaluation.best_settings(label)[1:]
+            ]
+    methods = "all methods" if every_method else engine.method
+    return Table(f"{methods}, each viewpoint", ("viewpoint", *SCORE_HEADINGS), tuple(cells))
 
 
 def graph_table(ground_truth: str, scores: "Sequence[GraphScore]") -> Table:
@@ -114,6 +157,7 @@ def _name(result: "MethodResult") -> str:
 def _scores(scores: "Scores") -> tuple[str, ...]:
     return (
         _text(scores.mcc, ".3f"),
+        _text(scores.aurc, ".3f"),
         _text(scores.auc, ".3f"),
         _text(scores.brier, ".3f"),
         _text(scores.reliability.max_calibration_error, ".3f"),
@@ -121,6 +165,21 @@ def _scores(scores: "Scores") -> tuple[str, ...]:
         _text(scores.mcc_answered, ".3f"),
         _text(scores.precision_visible, ".1%"),
         _text(scores.precision_occluded, ".1%"),
+    )
+
+
+def _risks(scores: "Scores") -> tuple[str, ...]:
+    return (
+        _text(scores.mcc, ".3f"),
+        _text(scores.aurc, ".4f"),
+        _text(scores.false_visible_60, ".1%"),
+        _text(scores.false_occluded_60, ".1%"),
+        _text(scores.false_visible_80, ".1%"),
+        _text(scores.false_occluded_80, ".1%"),
+        _text(scores.false_visible_95, ".1%"),
+        _text(scores.false_occluded_95, ".1%"),
+        _text(scores.unknown_probability, ".3f"),
+        _text(scores.unknown_visible_fraction, ".3f"),
     )
 
 
