@@ -24,7 +24,7 @@ from intervis.sight.kernels.projection import FULL_CIRCLE, ZENITH, project_point
 from intervis.sight.kernels.rasterize import beam_spacings, quantize, rasterize, sort_by_key
 from intervis.sight.sensor import Sensor
 
-STEPS_PER_COLUMN = 2.0
+STEPS_PER_COLUMN = 1.0
 """Azimuth steps in a column: each beam then has a return in each column."""
 ROWS_PER_BEAM = 3.0
 """Rows per spacing of the densest beams."""

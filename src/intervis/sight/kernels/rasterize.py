@@ -140,8 +140,10 @@ def quantize(image: Float32Array, far: int, units_per_m: float, pixels: Int16Arr
         for k in range(rows):
             r = here[k]
             pixels[c, k] = 0
-            if r == 0.0:
-                continue
+            if r == 0.0:  # azimuths jitter: a beam may miss a column between two that it hits
+                if left[k] == 0.0 or right[k] == 0.0:
+                    continue
+                r = min(left[k], right[k])
             agree = 0
             if left[k] > 0.0 and abs(r - left[k]) < AGREEMENT * left[k]:
                 agree += 1
