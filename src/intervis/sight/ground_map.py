@@ -16,6 +16,7 @@ from intervis.sight.kernels.terrain import (
     slope_filter,
 )
 
+
 def ground_map_of(points_velo: Float64Array) -> Float32Array:
     """Height of the ground around the sensor.
 

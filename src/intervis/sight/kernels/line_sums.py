@@ -115,8 +115,9 @@ def add_up(
         if at_surface > 0.0:
             for m in range(begin, end):
                 # Samples below ground have equal occupancy: take the one nearest to its surface.
-                if surface[m] > most or (surface[m] == most > 0.0 and height[m] > most_height):
-                    most, most_height = surface[m], height[m]
+                above = height[m] if height[m] == height[m] else -np.inf  # NaN: unknown ground
+                if surface[m] > most or (surface[m] == most > 0.0 and above > most_height):
+                    most, most_height = surface[m], above
                     most_scan = batch.chosen[i, int(rank[m])]
                     most_at = m - begin + batch.lines[i, FIRST]
         sums.surface[at + i] = at_surface * attenuation_per_m * step

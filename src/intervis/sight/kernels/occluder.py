@@ -4,17 +4,17 @@ import numpy as np
 
 from intervis.arrays import Float64Array, Int16Array
 from intervis.kernels import kernel
-from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 from intervis.sight.kernels.packed_scans import (
     COLUMNS,
+    ELEVATION_FROM,
     OFFSET,
     ROWS,
     ROWS_PER_UNIT,
-    ELEVATION_FROM,
     UNIT_M,
     depth_at,
     to_sensor_frame,
 )
+from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 
 SEARCH_M = 1.5
 """The intersection is searched this far along the line, on both sides of the occluding sample."""

@@ -11,7 +11,7 @@ from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseud
 DISTANCE_STEP_M = 0.5
 """Distances from a scan to a line's ends are compared in steps of this; ties: newest first."""
 MAX_INTERPOLATED_JUMP = 0.1
-"""The surface is interpolated between two rows whose planar ranges differ by less than this fraction."""
+"""Between two rows whose planar ranges differ by less than this fraction, it is interpolated."""
 
 # Columns of a scan descriptor: geometry of the range image, then the three rows of
 # sensor_from_scene.

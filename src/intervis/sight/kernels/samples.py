@@ -5,9 +5,8 @@ Why the passes are cut as they are: see `intervis.sight.kernels`.
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, Int16Array, Int32Array, IntArray
+from intervis.arrays import Float32Array, Float64Array, Int16Array, Int32Array
 from intervis.kernels import kernel
-from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 from intervis.sight.kernels.batch import (
     ALONG,
     ENTRY,
@@ -31,14 +30,15 @@ from intervis.sight.kernels.batch import (
 )
 from intervis.sight.kernels.packed_scans import (
     COLUMNS,
+    ELEVATION_FROM,
     MAX_INTERPOLATED_JUMP,
     OFFSET,
     ROWS,
     ROWS_PER_UNIT,
-    ELEVATION_FROM,
     UNIT_M,
 )
 from intervis.sight.kernels.parameters import Parameters
+from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 from intervis.sight.kernels.terrain import CELL_M, CELLS
 
 
@@ -68,7 +68,7 @@ def place_samples(count: int, batch: Batch) -> None:
 def project(n: int, count: int, batch: Batch) -> None:
     """Project the samples into the range images of their lines' n-th scans.
 
-    Writes the planar range, the lower of the two nearest pixels in the column, and the fractional row.
+    Writes planar range, the lower of the two nearest pixels in the column, and fractional row.
     """
     samples, places, lines, offsets = batch.samples, batch.places, batch.lines, batch.offsets
     for i in range(count):
