@@ -179,8 +179,11 @@ def ring_2d() -> BeamPattern:
         directions,
         np.zeros(count, np.int64),
         np.arange(count) * (0.025 / 1440),
-        np.full(count, np.radians(0.25)),
-        *(0.1, 30.0, 0.03, 0.01),
+        np.full(count, float(np.deg2rad(0.25))),
+        0.1,
+        30.0,
+        0.03,
+        0.01,
     )
 
 
