@@ -154,7 +154,7 @@ def rosette(
     turns with the prism. Livox Mid-40 data sheet: circular field of view of 38.4 degrees, 100,000
     points per second, 260 m. Its prisms turn at about 7,294 and -4,664 rpm.
     """
-    time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
+    time_s: Float64Array = np.arange(round(duration_s * rate_hz), dtype=np.float64) / rate_hz
     first, second = (2 * np.pi * rpm / 60 * time_s for rpm in (7294.0, -4664.0))
     part_rad = np.radians(half_angle_deg) / 2
     y_rad = part_rad * (np.cos(first) + np.cos(second))
@@ -163,7 +163,7 @@ def rosette(
     factor = np.sinc(off_rad / np.pi)
     directions = np.column_stack([np.cos(off_rad), y_rad * factor, z_rad * factor])
     chord = cKDTree(directions).query(directions, k=9)[0][:, -1]
-    spacing_rad = np.asarray(2 * np.arcsin(chord / 2), np.float64)
+    spacing_rad: Float64Array = np.asarray(2 * np.arcsin(chord / 2), dtype=np.float64)
     return BeamPattern(
         "Livox Mid-40", directions, None, time_s, spacing_rad, 1.0, 260.0, 0.02, 0.02
     )
@@ -178,8 +178,8 @@ def ring_2d() -> BeamPattern:
         "UTM-30LX",
         directions,
         np.zeros(count, np.int64),
-        np.arange(count) * (0.025 / 1440),
-        np.full(count, float(np.deg2rad(0.25))),
+        np.arange(count, dtype=np.float64) * (0.025 / 1440),
+        np.full(count, np.radians(0.25), np.float64),
         0.1,
         30.0,
         0.03,
