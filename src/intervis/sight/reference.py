@@ -77,7 +77,8 @@ class LineSamples(NamedTuple):
     scan's surface, whether that is a surface return, whether the scan observed the direction.
     `weights` (C,) are the weights of the scans. `height` is the height above ground. The masks
     `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface`,
-    `behind` (a surface) and `below_ground` classify the samples.
+    `behind` (a surface) and `below_ground` classify the samples; `along_end` are those along the
+    surface that an end lies on.
     """
 
     step: float
@@ -92,6 +93,7 @@ class LineSamples(NamedTuple):
     at_surface: BoolArray
     behind: BoolArray
     below_ground: BoolArray
+    along_end: BoolArray
 
 
 def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> LineSamples:
@@ -108,6 +110,14 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
         free = _any_scan(known & (depth < model.SURFACE_FROM_M))
         behind = _any_scan(known & (depth > model.SURFACE_TO_M))
     on_surface = _any_scan(known & _within(depth, model.SURFACE_FROM_M, model.SURFACE_TO_M))
+    nearest = np.min(
+        np.where(known & (depth >= model.SURFACE_FROM_M), np.abs(depth), np.inf), axis=0
+    )
+    stops = (nearest > model.END_SURFACE_M) | (height < -model.BELOW_GROUND_M) | occupied
+    first, last = _outermost(stops)
+    along_end = (np.arange(len(stops)) < first) | (np.arange(len(stops)) > last)
+    free |= along_end
+    on_surface &= ~along_end
     below_ground = (height < -model.BELOW_GROUND_M) & ~free
     return LineSamples(
         step=step,
@@ -122,7 +132,14 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
         at_surface=on_surface | occupied | below_ground,
         behind=behind,
         below_ground=below_ground,
+        along_end=along_end,
     )
+
+
+def _outermost(mask: BoolArray) -> tuple[int, int]:
+    """First and last true element; (length, length) if there is none."""
+    found = np.flatnonzero(mask)
+    return (int(found[0]), int(found[-1])) if len(found) else (len(mask), len(mask))
 
 
 def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> ReferenceResult:
@@ -161,6 +178,7 @@ def attenuation_per_m(line: LineSamples) -> Float64Array:
     log_odds = np.where(line.occupied, at_least, log_odds)
     at_most = np.minimum(log_odds, model.DYNAMIC_FREE_LOG_ODDS)
     log_odds = np.where(line.left, at_most, log_odds)
+    log_odds = np.where(line.along_end, model.LOG_ODDS_FROM, log_odds)
     occupancy = _read(
         MODEL.tables.occupancies, log_odds, model.LOG_ODDS_FROM, model.ENTRIES_PER_LOG_ODDS
     )

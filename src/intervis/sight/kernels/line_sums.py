@@ -8,12 +8,14 @@ from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
 from intervis.sight.kernels.batch import (
     CLEARANCE,
+    DYNAMIC,
     FIRST,
     FREE,
     GAP,
     HEIGHT,
     IN_OCCLUDED_SPACE,
     IS_UNOBSERVED,
+    LOG_ODDS,
     NEAR,
     RANK,
     STEP_M,
@@ -51,6 +53,39 @@ def new_line_sums(count: int) -> LineSums:
     """Uninitialised sums for so many lines."""
     v = np.empty((8, count))
     return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], np.empty(count, np.int64))
+
+
+@kernel
+def clear_ends(
+    samples: Float64Array,
+    offsets: IntArray,
+    count: int,
+    parameters: Parameters,
+    lowest_log_odds: float,
+) -> None:
+    """Make the samples along the surface that an end of their line lies on free.
+
+    From each end inwards: all samples up to the first one that is farther than `end_surface_m` from
+    every surface, below ground, or occupied by a dynamic object.
+    """
+    log_odds, gap, near = samples[LOG_ODDS], samples[GAP], samples[NEAR]
+    height, dynamic = samples[HEIGHT], samples[DYNAMIC]
+    for i in range(count):
+        begin, end = offsets[i, 0], offsets[i, 1]
+        for way in range(2):
+            for n in range(end - begin):
+                m = begin + n if way == 0 else end - 1 - n
+                if (
+                    near[m] > parameters.end_surface_m
+                    or height[m] < -parameters.below_ground_m
+                    or dynamic[m] > 0.0
+                ):
+                    break
+                log_odds[m] = lowest_log_odds
+                gap[m] = min(gap[m], 0.0)
+                near[m] = np.inf
+                if n + 1 == end - begin:
+                    break
 
 
 @kernel

@@ -19,6 +19,7 @@ class Parameters(NamedTuple):
     below_ground_attenuation_per_m: float
     surface_from_m: float
     surface_to_m: float
+    end_surface_m: float
     free_depth_m: float
     dynamic_max_depth_m: float
     dynamic_min_height_m: float
