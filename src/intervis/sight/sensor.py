@@ -14,6 +14,10 @@ NO_RETURN_M = 0.1
 """Nearer rows are beams without a return: (0, 0, 0), or an offset of the calibration."""
 MIN_RETURNS = 100
 SPACING_SAMPLES = 600
+IRREGULAR = 1.35
+"""In a grid of beams, the spacings beside and above multiply to the solid angle of one beam. A
+pattern whose solid angles are so many times larger is no grid: its spacing grows with the square of
+that ratio, so that the gaps between its curves close."""
 SEARCH_CELLS_DEG = (1.0, 4.0)
 """Neighbours are searched in cells of this size, first in the smaller ones."""
 
@@ -186,15 +190,21 @@ def _spacings_deg(xyz: Float64Array) -> tuple[float, float]:
         cells = np.empty(len(xyz), np.int64)
         cells_of(azimuth, elevation, columns, rows, cells)
         order, start = sort_by_key(cells, np.arange(len(xyz)), columns * rows)
-        angles = np.empty((2, len(picked)))
+        angles = np.empty((3, len(picked)))
         neighbour_angles(azimuth, elevation, order, start, columns, rows, picked, *angles)
-        for n, angle in enumerate(np.degrees(angles)):
+        solid_deg2 = float(np.degrees(np.degrees(np.median(angles[2]))))
+        for n, angle in enumerate(np.degrees(angles[:2])):
             known = angle[np.isfinite(angle)]
             if np.isnan(found[n]) and len(known) >= 0.5 * len(picked):
                 found[n] = float(np.median(known))
         if np.isfinite(found).all():
             break
-    return found[0], found[1]
+    beside, above = found
+    ratio = solid_deg2 / (beside * above)
+    if ratio > IRREGULAR:
+        # Returns lie along curves (a rosette), with gaps between the curves.
+        return beside * ratio**2, above * ratio**2
+    return beside, above
 
 
 def _beam_count(elevation_deg: FloatArray, lowest: float, highest: float, spacing: float) -> int:

@@ -34,8 +34,11 @@ def neighbour_angles(
     picked: IntArray,
     beside: Float64Array,
     above: Float64Array,
+    solid_angle: Float64Array,
 ) -> None:
     """Angles from picked returns to their nearest neighbours beside and above, radians.
+
+    `solid_angle` becomes the mean solid angle of one return around the picked one, steradians.
 
     `order` lists the returns by cell, row by row of a grid of `rows` x `columns` cells over the
     pseudo-angles; those of cell k start at `start[k]`. Only the 3 x 3 cells around a return are
@@ -46,9 +49,11 @@ def neighbour_angles(
         beside[n], above[n] = np.nan, np.nan
         per_azimuth, per_elevation = direction_scale(elevation[i])
         c, r = cell_of(azimuth[i], elevation[i], columns, rows)
+        around = 0
         for row in range(max(r - 1, 0), min(r + 2, rows)):
             for shift in range(-1, 2):
                 cell = row * columns + (c + shift) % columns
+                around += start[cell + 1] - start[cell]
                 for m in range(start[cell], start[cell + 1]):
                     j = order[m]
                     turn = abs(azimuth[i] - azimuth[j])
@@ -61,6 +66,8 @@ def neighbour_angles(
                         beside[n] = angle
                     if across <= CONE * up and not above[n] <= angle:
                         above[n] = angle
+        cells = 9.0 * (per_azimuth * FULL_CIRCLE / columns) * (per_elevation * 4.0 / rows)
+        solid_angle[n] = cells / around
 
 
 @kernel
