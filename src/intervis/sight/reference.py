@@ -114,8 +114,10 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
         np.where(known & (depth >= model.SURFACE_FROM_M), np.abs(depth), np.inf), axis=0
     )
     stops = (nearest > model.END_SURFACE_M) | (height < -model.BELOW_GROUND_M) | occupied
-    first, last = _outermost(stops)
-    along_end = (np.arange(len(stops)) < first) | (np.arange(len(stops)) > last)
+    leaves = np.isinf(nearest) & free & ~(height < -model.BELOW_GROUND_M)
+    along_end = (
+        _run_before_first(stops, leaves) | _run_before_first(stops[::-1], leaves[::-1])[::-1]
+    )
     free |= along_end
     on_surface &= ~along_end
     below_ground = (height < -model.BELOW_GROUND_M) & ~free
@@ -136,10 +138,12 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
     )
 
 
-def _outermost(mask: BoolArray) -> tuple[int, int]:
-    """First and last true element; (length, length) if there is none."""
-    found = np.flatnonzero(mask)
-    return (int(found[0]), int(found[-1])) if len(found) else (len(mask), len(mask))
+def _run_before_first(stops: BoolArray, leaves: BoolArray) -> BoolArray:
+    """The samples before the first stop, if the line leaves the surface there."""
+    found = np.flatnonzero(stops)
+    length = int(found[0]) if len(found) else len(stops)
+    clears = not len(found) or leaves[length] or length >= model.GRAZING_SAMPLES
+    return (np.arange(len(stops)) < length) & bool(clears)
 
 
 def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> ReferenceResult:

@@ -14,10 +14,10 @@ NO_RETURN_M = 0.1
 """Nearer rows are beams without a return: (0, 0, 0), or an offset of the calibration."""
 MIN_RETURNS = 100
 SPACING_SAMPLES = 600
-IRREGULAR = 1.35
-"""In a grid of beams, the spacings beside and above multiply to the solid angle of one beam. A
-pattern whose solid angles are so many times larger is no grid: its spacing grows with the square of
-that ratio, so that the gaps between its curves close."""
+IRREGULAR = 2.6
+"""In a grid of beams, the spacings beside and above a beam multiply to its solid angle. Where the
+ratio of the two scatters more than this (upper to lower quartile) the returns lie along curves (a
+rosette): the spacing grows by the ratio, so that the gaps between the curves close."""
 SEARCH_CELLS_DEG = (1.0, 4.0)
 """Neighbours are searched in cells of this size, first in the smaller ones."""
 
@@ -192,7 +192,6 @@ def _spacings_deg(xyz: Float64Array) -> tuple[float, float]:
         order, start = sort_by_key(cells, np.arange(len(xyz)), columns * rows)
         angles = np.empty((3, len(picked)))
         neighbour_angles(azimuth, elevation, order, start, columns, rows, picked, *angles)
-        solid_deg2 = float(np.degrees(np.degrees(np.median(angles[2]))))
         for n, angle in enumerate(np.degrees(angles[:2])):
             known = angle[np.isfinite(angle)]
             if np.isnan(found[n]) and len(known) >= 0.5 * len(picked):
@@ -200,10 +199,11 @@ def _spacings_deg(xyz: Float64Array) -> tuple[float, float]:
         if np.isfinite(found).all():
             break
     beside, above = found
-    ratio = solid_deg2 / (beside * above)
-    if ratio > IRREGULAR:
-        # Returns lie along curves (a rosette), with gaps between the curves.
-        return beside * ratio**2, above * ratio**2
+    known = np.isfinite(angles).all(axis=0)
+    if known.any():
+        low, high = np.quantile(angles[2, known] / (angles[0] * angles[1])[known], [0.25, 0.75])
+        if high > IRREGULAR * low:
+            return beside * max(high, 1.0), above * max(high, 1.0)
     return beside, above
 
 

@@ -66,26 +66,31 @@ def clear_ends(
     """Make the samples along the surface that an end of their line lies on free.
 
     From each end inwards: all samples up to the first one that is farther than `end_surface_m` from
-    every surface, below ground, or occupied by a dynamic object.
+    every surface, below ground, or occupied by a dynamic object. If that one is not free, the line
+    enters the surface: fewer than `grazing_samples` then stay as they are.
     """
     log_odds, gap, near = samples[LOG_ODDS], samples[GAP], samples[NEAR]
     height, dynamic = samples[HEIGHT], samples[DYNAMIC]
     for i in range(count):
         begin, end = offsets[i, 0], offsets[i, 1]
         for way in range(2):
-            for n in range(end - begin):
-                m = begin + n if way == 0 else end - 1 - n
-                if (
-                    near[m] > parameters.end_surface_m
-                    or height[m] < -parameters.below_ground_m
-                    or dynamic[m] > 0.0
-                ):
-                    break
-                log_odds[m] = lowest_log_odds
-                gap[m] = min(gap[m], 0.0)
-                near[m] = np.inf
-                if n + 1 == end - begin:
-                    break
+            first, step = (begin, 1) if way == 0 else (end - 1, -1)
+            m = first
+            while (
+                begin <= m < end
+                and near[m] <= parameters.end_surface_m
+                and not height[m] < -parameters.below_ground_m
+                and not dynamic[m] > 0.0
+            ):
+                m += step
+            if begin <= m < end and abs(m - first) < parameters.grazing_samples:
+                leaves = near[m] == np.inf and gap[m] < np.inf
+                if not leaves or height[m] < -parameters.below_ground_m:
+                    continue
+            for k in range(first, m, step):
+                log_odds[k] = lowest_log_odds
+                gap[k] = min(gap[k], 0.0)
+                near[k] = np.inf
 
 
 @kernel

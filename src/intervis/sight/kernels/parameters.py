@@ -20,6 +20,7 @@ class Parameters(NamedTuple):
     surface_from_m: float
     surface_to_m: float
     end_surface_m: float
+    grazing_samples: float
     free_depth_m: float
     dynamic_max_depth_m: float
     dynamic_min_height_m: float

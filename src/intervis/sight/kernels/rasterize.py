@@ -130,12 +130,13 @@ def quantize(image: Float32Array, far: int, units_per_m: float, pixels: Int16Arr
     """Store planar ranges in units, negative where fewer than three of four neighbours agree.
 
     The neighbours above and below are `far` rows away, one beam, and may differ twice as much. If
-    both were not observed (a single ring), they count as one that agrees.
+    both were not observed (a single ring), they count as one that agrees. A column that its beam
+    missed takes the nearer range of its neighbours, and the next column is its neighbour's.
     """
     columns, rows = image.shape
     for c in range(columns):
-        left = image[c - 1]
-        right = image[c + 1 if c + 1 < columns else 0]
+        left, left_but_one = image[c - 1], image[c - 2]
+        right, right_but_one = image[(c + 1) % columns], image[(c + 2) % columns]
         here = image[c]
         for k in range(rows):
             r = here[k]
@@ -144,10 +145,12 @@ def quantize(image: Float32Array, far: int, units_per_m: float, pixels: Int16Arr
                 if left[k] == 0.0 or right[k] == 0.0:
                     continue
                 r = min(left[k], right[k])
+            at_left = left[k] if left[k] > 0.0 else left_but_one[k]
+            at_right = right[k] if right[k] > 0.0 else right_but_one[k]
             agree = 0
-            if left[k] > 0.0 and abs(r - left[k]) < AGREEMENT * left[k]:
+            if at_left > 0.0 and abs(r - at_left) < AGREEMENT * at_left:
                 agree += 1
-            if right[k] > 0.0 and abs(r - right[k]) < AGREEMENT * right[k]:
+            if at_right > 0.0 and abs(r - at_right) < AGREEMENT * at_right:
                 agree += 1
             below = here[k - far] if k >= far else np.float32(0.0)
             above = here[k + far] if k + far < rows else np.float32(0.0)
