@@ -2,14 +2,18 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_scans import GROUND_M, directions, ranges, street_scan
 
 from intervis.errors import SettingsError
 from intervis.sight import GENERIC, HDL_64E, SENSORS, Sensor, sensor_named, sensor_of_scan
 from intervis.sight.ground_map import ground_map_of
-from intervis.sight.kernels.azimuth import FULL_CIRCLE, pseudo_azimuth
+from intervis.sight.kernels.projection import (
+    FULL_CIRCLE,
+    pseudo_azimuth,
+    pseudo_elevation,
+)
 from intervis.sight.kernels.terrain import CELL_M, CELLS
 from intervis.sight.range_image import range_image_of
 
@@ -19,7 +23,7 @@ NOTHING = np.empty((0, 6))
 def at_pixels(image):
     """Azimuth (radians) and slope of the middles of a image's cells."""
     columns, rows = image.pixels.shape
-    slope = image.tan_elevation_from + np.arange(rows) * image.tan_elevation_step
+    slope = image.elevation_from + np.arange(rows) * image.elevation_step
     return (np.arange(columns) + 0.5) * (2 * np.pi / columns), slope
 
 
@@ -107,8 +111,8 @@ def test_ground_rises_with_a_hill_and_not_with_what_stands_on_it(rng):
     assert np.median(abs(off[np.ix_(inside, inside)])) < 0.05
 
 
-def test_ground_without_returns_is_a_usual_mount_below():
-    assert (ground_map_of(np.empty((0, 3))) == np.float32(-1.7)).all()
+def test_ground_without_returns_is_unknown():
+    assert np.isnan(ground_map_of(np.empty((0, 3)))).all()
 
 
 @pytest.mark.parametrize("name", sorted(SENSORS))
@@ -122,10 +126,70 @@ def test_a_sensor_is_derived_from_its_scan(name):
     assert derived.azimuth_step_deg == pytest.approx(sensor.azimuth_step_deg, rel=0.6)
 
 
-@pytest.mark.parametrize(("span_deg", "known"), [(0.6, True), (0.4, False)])
-def test_a_sensor_needs_half_a_degree_of_elevation(span_deg, known):
-    rays = directions(-span_deg / 2, span_deg / 2, 3, 0.2)
-    assert (sensor_of_scan(12.0 * rays) != GENERIC) == known
+def test_a_single_ring_is_one_beam_wide():
+    azimuth = np.radians(np.arange(0.0, 360.0, 0.5))
+    ring = np.stack([7.0 * np.cos(azimuth), 7.0 * np.sin(azimuth), np.zeros(len(azimuth))], 1)
+    sensor = sensor_of_scan(ring)
+    assert sensor.beams == 1
+    assert sensor.azimuth_step_deg == pytest.approx(0.5, rel=0.01)
+    assert sensor.beam_spacing_deg == pytest.approx(0.5, rel=0.01)
+
+
+@given(
+    step_deg=st.sampled_from([0.1, 0.2, 0.35]),
+    beams=st.sampled_from([16, 32, 64]),
+    half_turn_deg=st.sampled_from([20.0, 60.0, 180.0]),
+    kept=st.floats(0.8, 1.0),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=25, deadline=None)
+def test_the_spacing_does_not_hang_on_counts(step_deg, beams, half_turn_deg, kept, seed):
+    """Copies, rows without a return, a cut of azimuth, lost returns, strays and order."""
+    rng = np.random.default_rng(seed)
+    rays = directions(-15.0, 15.0, beams, step_deg)
+    plain = 12.0 * rays
+    azimuth_deg = np.degrees(np.arctan2(rays[:, 1], rays[:, 0]))
+    scan = plain[(np.abs(azimuth_deg) <= half_turn_deg)]
+    scan = scan[rng.random(len(scan)) < kept]
+    odd = [scan, scan[::3], np.zeros((len(scan), 3)), rng.normal(0.0, 1e4, (2, 3))]
+    found = sensor_of_scan(rng.permutation(np.concatenate(odd)))
+    expected = sensor_of_scan(plain)
+    assert found.azimuth_step_deg == pytest.approx(expected.azimuth_step_deg, rel=0.05)
+    assert found.azimuth_step_deg == pytest.approx(step_deg, rel=0.08)
+    assert found.beam_spacing_deg == pytest.approx(expected.beam_spacing_deg, rel=0.15)
+
+
+@given(st.floats(-np.pi / 2, np.pi / 2), st.floats(0.01, 100.0))
+def test_pseudo_elevation_is_monotone_and_odd(elevation, range_m):
+    rho, z = range_m * np.cos(elevation), range_m * np.sin(elevation)
+    here = pseudo_elevation(rho, z)
+    tangent = np.tan(elevation)
+    expected = tangent if abs(tangent) <= 1 else np.sign(tangent) * (2 - 1 / abs(tangent))
+    assert here == pytest.approx(expected, abs=1e-9)
+    assert pseudo_elevation(rho, -z) == pytest.approx(-here, abs=1e-12)
+    assert -2.0 <= here <= 2.0
+
+
+def test_the_poles_are_observed():
+    """A sphere of returns is seen in every direction, straight up and down included."""
+    rays = directions(-90.0, 90.0, 181, 1.0)
+    image = range_image_of(10.0 * rays, sensor_of_scan(10.0 * rays))
+    rows = image.elevation_from + np.arange(image.pixels.shape[1]) * image.elevation_step
+    inside = np.abs(rows) < 1.99
+    planar_m = image.unit_m * np.abs(image.pixels[:, inside].astype(float))
+    tangent = np.where(np.abs(rows) <= 1, rows, 2 - np.abs(rows))[inside]
+    assert planar_m == pytest.approx(
+        np.broadcast_to(10.0 / np.sqrt(1 + tangent**2), planar_m.shape), rel=2e-3
+    )
+
+
+def test_one_stray_does_not_coarsen_the_ranges(rng):
+    scan = street_scan()
+    stray = np.array([[1e5, 3e4, 10.0]], np.float32)
+    sensor = sensor_of_scan(scan)
+    one, other = range_image_of(scan, sensor), range_image_of(np.vstack([stray, scan]), sensor)
+    assert np.array_equal(one.pixels, other.pixels)
+    assert one.unit_m == other.unit_m
 
 
 def test_a_scan_of_few_returns_is_of_a_generic_sensor():

@@ -97,7 +97,7 @@ def expected_occluder(scans, a, b):
     if not len(attenuation) or attenuation.max() == 0.0:
         return None
     worst = np.flatnonzero(attenuation == attenuation.max())
-    m = int(worst[np.argmax(line.height[worst])])
+    m = int(worst[np.argmax(np.nan_to_num(line.height[worst], nan=-np.inf))])
     depth = line.depth[:, m]
     with np.errstate(invalid="ignore"):
         near = np.where(line.known[:, m] & (depth >= model.SURFACE_FROM_M), np.abs(depth), np.inf)

@@ -1,7 +1,6 @@
 """Scan buffer: bounded, refined by later scans, and without ghosts for ever."""
 
 import numpy as np
-import pytest
 from made_scans import BOXES, GROUND_M, street_scan, turned
 
 from intervis.sight import OCCLUDED, VISIBLE, Scene
@@ -143,6 +142,9 @@ def test_poses_move_the_scene(rng):
     moved = targets @ pose[:3, :3].T + pose[:3, 3]
     viewpoint = pose[:3, :3] @ [2.0, 1.0, 0.0] + pose[:3, 3]
     there = Scene.from_scan(scan, pose).sight(viewpoint, moved)
-    # the ends may be ordered the other way round: sums differ in their last digits
-    assert there.probability == pytest.approx(here.probability, abs=2e-3)
+    # the ends may be ordered the other way round, and a return on the border of a cell of the
+    # ground map may fall into the next one
+    apart = np.abs(there.probability - here.probability)
+    assert (apart < 2e-3).mean() > 0.99
+    assert apart.max() < 0.05
     assert (there.state == here.state).mean() > 0.99

@@ -21,6 +21,7 @@ COMMANDS = {
     "simulate": "intervis.lab.cli.world",
     "demo": "intervis.lab.cli.world",
     "calibrate": "intervis.lab.cli.calibrate",
+    "matrix": "intervis.lab.cli.matrix",
 }
 """Module of each command; the function has the name of the command.
 

@@ -9,15 +9,12 @@ import numpy as np
 from intervis.arrays import Float32Array, Float64Array
 from intervis.sight.kernels.terrain import (
     CELLS,
-    extrapolate,
+    interpolate,
     lowest_returns,
+    remove_below_nearer,
     remove_outliers,
-    remove_too_low,
     slope_filter,
 )
-
-USUAL_MOUNT_M = 1.7
-"""Height of the sensor above ground that is assumed if the scan shows no ground."""
 
 
 def ground_map_of(points_velo: Float64Array) -> Float32Array:
@@ -26,13 +23,13 @@ def ground_map_of(points_velo: Float64Array) -> Float32Array:
     Parameters
     ----------
     points_velo : (N, 3) float64 array
-        A scan in its sensor's frame, metres, z up.
+        A scan, metres, the sensor at the origin, z up along gravity.
 
     Returns
     -------
     (CELLS, CELLS) float32 array
-        Metres in the sensor's frame, on cells of `kernels.terrain.CELL_M`. Row a covers x from
-        (a - CELLS / 2) CELL_M on, column b the same in y. -1.7 m everywhere if the scan shows no
+        Metres in the same frame, on cells of `kernels.terrain.CELL_M`. Row a covers x from
+        (a - CELLS / 2) CELL_M on, column b the same in y. NaN where the scan does not show the
         ground.
 
     Examples
@@ -46,11 +43,8 @@ def ground_map_of(points_velo: Float64Array) -> Float32Array:
     height = np.empty((CELLS, CELLS), np.float32)
     lowest_returns(points_velo, lowest)
     remove_outliers(lowest, height)
-    remove_too_low(height)
-    if not np.isfinite(height).any():
-        height[:] = -USUAL_MOUNT_M
-        return height
+    remove_below_nearer(height)
     known = np.isfinite(height)
     slope_filter(height)
-    extrapolate(height, known)
+    interpolate(height, known)
     return height

@@ -2,7 +2,9 @@
 
 This docstring defines what the engine computes. A sight line is sampled every `STEP_M` at most, at
 the midpoints of equal steps; samples within `END_MARGIN_M` of an end are left out, because the ends
-may lie on surfaces.
+may lie on surfaces. A line may leave such a surface at a grazing angle: from either end inwards,
+samples up to the first one with abs(d) > `END_SURFACE_M` for all scans, with d as below, are free
+if that one is free or if they are at least `GRAZING_SAMPLES`.
 
 **Inverse sensor model.** The range image of a scan (`range_image`) holds a surface range for each
 direction. The depth of a sample behind it is d = rho(sample) - rho(surface), in metres:
@@ -131,6 +133,10 @@ VISIBLE_MAX_UNOBSERVED_M, VISIBLE_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
 VISIBLE_MAX_OCCLUDED_SPACE_M = 1.0
 # Depths that count as the surface itself.
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
+# A line that ends on a surface leaves it along samples that are not farther from it than this.
+END_SURFACE_M = 0.2
+# So many samples within that distance: the angle between line and surface is below 20 degrees.
+GRAZING_SAMPLES = 4
 # At d below this the beam passed through.
 FREE_DEPTH_M = -0.7
 # Greater depths behind a surface say nothing about the object in front of it.
@@ -193,7 +199,12 @@ def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
                 [0.0],
             ]
         ),
-        height_log_odds=np.interp(height_m, fitted["height_m"], fitted["height_log_odds"]),
+        height_log_odds=np.concatenate(
+            [
+                [fitted["unknown_height_log_odds"]],
+                np.interp(height_m[1:], fitted["height_m"], fitted["height_log_odds"]),
+            ]
+        ),
         occupancies=1.0 / (1.0 + np.exp(-log_odds)),
         scan_weights=weights,
     )

@@ -18,27 +18,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intervis.arrays import Float32Array, FloatArray, Int16Array
+from intervis.arrays import Float32Array, Float64Array, FloatArray, Int16Array
 from intervis.sight.ground_map import ground_map_of
-from intervis.sight.kernels.azimuth import FULL_CIRCLE
-from intervis.sight.kernels.rasterize import (
-    MAX_TAN_ELEVATION,
-    beam_spacings,
-    quantize,
-    rasterize,
-    sort_by_key,
-    to_spherical,
-)
+from intervis.sight.kernels.projection import FULL_CIRCLE, ZENITH, project_points
+from intervis.sight.kernels.rasterize import beam_spacings, quantize, rasterize, sort_by_key
 from intervis.sight.sensor import Sensor
 
-STEPS_PER_COLUMN = 2.0
+STEPS_PER_COLUMN = 1.0
 """Azimuth steps in a column: each beam then has a return in each column."""
 ROWS_PER_BEAM = 3.0
 """Rows per spacing of the densest beams."""
 _MAX_UNITS = 32767.0
 _BANDS = 40
 _SORT_BINS = 16384
-_MAX_ROWS = 512
+_MAX_ROWS = 1024
+STRAY_FACTOR, STRAY_QUANTILE = 4.0, 0.999
+"""Returns farther than so many times this quantile of the planar ranges are strays. One of them
+would coarsen the unit of all pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +48,8 @@ class RangeImage:
         line mostly moves along a column.
     unit_m : float
         Metres per unit: the largest range divided by 32767, millimetres.
-    tan_elevation_from, tan_elevation_step : float
-        Row r lies at z / rho = tan_elevation_from + r tan_elevation_step.
+    elevation_from, elevation_step : float
+        Row r lies at z / rho = elevation_from + r elevation_step.
     ground_m : (G, G) float32 array
         Ground map around the sensor, see `intervis.sight.ground_map`.
     returns : int
@@ -62,21 +58,26 @@ class RangeImage:
 
     pixels: Int16Array
     unit_m: float
-    tan_elevation_from: float
-    tan_elevation_step: float
+    elevation_from: float
+    elevation_step: float
     ground_m: Float32Array
     returns: int
 
 
-def range_image_of(points_velo: FloatArray, sensor: Sensor) -> RangeImage:
+def range_image_of(
+    points_velo: FloatArray, sensor: Sensor, scene_from_sensor: Float64Array | None = None
+) -> RangeImage:
     """The range image of one scan.
 
     Parameters
     ----------
     points_velo : (N, 3) float array
-        Finite points in the sensor's frame, metres. Returns outside the sensor's range limits, or
-        steeper than 63 degrees, are left out.
+        Finite points in the sensor's frame, metres. Returns outside the sensor's range limits are
+        left out, and so are strays: returns more than `STRAY_FACTOR` times farther than nearly all
+        others.
     sensor : Sensor
+    scene_from_sensor : (4, 4) float64 array or None
+        Pose in a scene whose z axis points up. None: the sensor stands upright.
 
     Returns
     -------
@@ -93,37 +94,39 @@ def range_image_of(points_velo: FloatArray, sensor: Sensor) -> RangeImage:
     10.0
     """
     xyz = np.ascontiguousarray(points_velo[:, :3], dtype=np.float64)
-    azimuth, rho, tan_elevation = np.empty(len(xyz)), np.empty(len(xyz)), np.empty(len(xyz))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        to_spherical(xyz, azimuth, rho, tan_elevation)
+    azimuth, elevation, planar_m = np.empty(len(xyz)), np.empty(len(xyz)), np.empty(len(xyz))
+    project_points(xyz, azimuth, elevation, planar_m)
     kept = np.flatnonzero(
-        (rho >= max(sensor.min_range_m, 1e-3))
-        & (rho <= sensor.max_range_m)
-        & (np.abs(tan_elevation) < MAX_TAN_ELEVATION)
+        (planar_m >= max(sensor.min_range_m, 1e-3)) & (planar_m <= sensor.max_range_m)
     )
-    columns = max(8, round(360.0 / (STEPS_PER_COLUMN * sensor.azimuth_step_deg)))
-    usual = np.tan(np.radians(sensor.beam_spacing_deg))
+    columns = int(np.clip(round(360.0 / (STEPS_PER_COLUMN * sensor.azimuth_step_deg)), 8, 4096))
+    usual = np.radians(sensor.beam_spacing_deg)
     if len(kept) == 0:
         empty = np.zeros((columns, 2), np.int16)
         return RangeImage(empty, 1.0, 0.0, float(usual), ground_map_of(xyz[:0]), 0)
+    limit_m = STRAY_FACTOR * np.quantile(planar_m[kept], STRAY_QUANTILE)
+    if planar_m[kept].max() > limit_m:
+        kept = kept[planar_m[kept] <= limit_m]
 
     column, fine = np.zeros(len(xyz), np.int64), np.zeros(len(xyz), np.int64)
     column[kept] = np.minimum(azimuth[kept] * (columns / FULL_CIRCLE), columns - 1)
-    fine[kept] = (tan_elevation[kept] + MAX_TAN_ELEVATION) * (
-        _SORT_BINS / (2.0 * MAX_TAN_ELEVATION)
+    fine[kept] = np.minimum(
+        (elevation[kept] + ZENITH) * (_SORT_BINS / (2.0 * ZENITH)), _SORT_BINS - 1
     )
     order, _ = sort_by_key(fine, kept, _SORT_BINS)
     order, start = sort_by_key(column, order, columns)
-    spacings = beam_spacings(tan_elevation, order, start, usual, _BANDS)
+    spacings = beam_spacings(elevation, order, start, usual, _BANDS)
 
-    low, high = tan_elevation[order].min(), tan_elevation[order].max()
+    low, high = elevation[order].min(), elevation[order].max()
     step = max(spacings.min() / ROWS_PER_BEAM, (high - low) / _MAX_ROWS)
     lowest = low - 2.0 * spacings.max()
     rows = int((high + 2.0 * spacings.max() - lowest) / step) + 2
     image = np.zeros((columns, rows), np.float32)
-    rasterize(rho, tan_elevation, order, start, spacings, lowest, step, image)
-    unit_m = float(rho[order].max()) / _MAX_UNITS
+    xyz_level = xyz if scene_from_sensor is None else xyz @ scene_from_sensor[:3, :3].T
+    height = xyz_level[:, 2]
+    rasterize(planar_m, elevation, height, order, start, spacings, lowest, step, image)
+    unit_m = float(planar_m[order].max()) / _MAX_UNITS
     pixels = np.empty((columns, rows), np.int16)
     quantize(image, round(ROWS_PER_BEAM), 1.0 / unit_m, pixels)
-    ground_m = ground_map_of(xyz[kept])
+    ground_m = ground_map_of(xyz_level[kept])
     return RangeImage(pixels, unit_m, float(lowest), float(step), ground_m, len(kept))

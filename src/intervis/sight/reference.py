@@ -72,7 +72,8 @@ class LineSamples(NamedTuple):
     scan's surface, whether that is a surface return, whether the scan observed the direction.
     `weights` (C,) are the weights of the scans. `height` is the height above ground. The masks
     `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface`,
-    `behind` (a surface) and `below_ground` classify the samples.
+    `behind` (a surface) and `below_ground` classify the samples; `along_end` are those along the
+    surface that an end lies on.
     """
 
     step: float
@@ -87,6 +88,7 @@ class LineSamples(NamedTuple):
     at_surface: BoolArray
     behind: BoolArray
     below_ground: BoolArray
+    along_end: BoolArray
 
 
 def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> LineSamples:
@@ -95,7 +97,7 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
     samples, step = _samples(a, b)
     chosen = _chosen_scans(scans, a, b)
     points = [_in_sensor_frame(scans, k, samples) for k in chosen]
-    height = _height_above_ground(scans, chosen[0], points[0])
+    height = _height_above_ground(scans, chosen[0], samples)
     each = [_depth_behind_surface(scans, k, p) for k, p in zip(chosen, points, strict=True)]
     depth, is_surface, known = (np.array(values) for values in zip(*each, strict=True))
     occupied, left = _dynamic(scans, a, b, chosen, samples, list(depth), height)
@@ -103,6 +105,16 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
         free = _any_scan(known & (depth < model.SURFACE_FROM_M))
         behind = _any_scan(known & (depth > model.SURFACE_TO_M))
     on_surface = _any_scan(known & _within(depth, model.SURFACE_FROM_M, model.SURFACE_TO_M))
+    nearest = np.min(
+        np.where(known & (depth >= model.SURFACE_FROM_M), np.abs(depth), np.inf), axis=0
+    )
+    stops = (nearest > model.END_SURFACE_M) | (height < -model.BELOW_GROUND_M) | occupied
+    leaves = np.isinf(nearest) & free & ~(height < -model.BELOW_GROUND_M)
+    along_end = (
+        _run_before_first(stops, leaves) | _run_before_first(stops[::-1], leaves[::-1])[::-1]
+    )
+    free |= along_end
+    on_surface &= ~along_end
     below_ground = (height < -model.BELOW_GROUND_M) & ~free
     return LineSamples(
         step=step,
@@ -117,7 +129,16 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
         at_surface=on_surface | occupied | below_ground,
         behind=behind,
         below_ground=below_ground,
+        along_end=along_end,
     )
+
+
+def _run_before_first(stops: BoolArray, leaves: BoolArray) -> BoolArray:
+    """The samples before the first stop, if the line leaves the surface there."""
+    found = np.flatnonzero(stops)
+    length = int(found[0]) if len(found) else len(stops)
+    clears = not len(found) or leaves[length] or length >= model.GRAZING_SAMPLES
+    return (np.arange(len(stops)) < length) & bool(clears)
 
 
 def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> ReferenceResult:
@@ -156,6 +177,7 @@ def attenuation_per_m(line: LineSamples) -> Float64Array:
     log_odds = np.where(line.occupied, at_least, log_odds)
     at_most = np.minimum(log_odds, model.DYNAMIC_FREE_LOG_ODDS)
     log_odds = np.where(line.left, at_most, log_odds)
+    log_odds = np.where(line.along_end, model.LOG_ODDS_FROM, log_odds)
     occupancy = _read(
         MODEL.tables.occupancies, log_odds, model.LOG_ODDS_FROM, model.ENTRIES_PER_LOG_ODDS
     )
@@ -265,9 +287,10 @@ def _in_sensor_frame(scans: PackedScans, k: int, points: Float64Array) -> Float6
 
 
 def _height_above_ground(scans: PackedScans, k: int, points: Float64Array) -> Float64Array:
-    cell = np.floor(points[:, :2] / CELL_M).astype(int) + CELLS // 2
+    from_sensor = points - scans.position[k]
+    cell = np.floor(from_sensor[:, :2] / CELL_M).astype(int) + CELLS // 2
     a, b = np.clip(cell, 0, CELLS - 1).T
-    return np.asarray(points[:, 2] - scans.ground[k][a, b])
+    return np.asarray(from_sensor[:, 2] - scans.ground[k][a, b])
 
 
 def _depth_behind_surface(
@@ -277,9 +300,8 @@ def _depth_behind_surface(
     rows, columns = int(scans.rows[k]), int(scans.columns[k])
     start = int(scans.offset[k])
     image = scans.pixels[start : start + rows * columns].reshape(columns, rows)
-    rho = np.hypot(points[:, 0], points[:, 1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        place = (points[:, 2] / rho - scans.tan_elevation_from[k]) * scans.rows_per_tan_elevation[k]
+    planar_range, elevation = _planar_range_and_elevation(points)
+    place = (elevation - scans.elevation_from[k]) * scans.rows_per_unit[k]
     inside = (place >= 0.0) & (place < rows - 1.0)
     place = np.where(inside, place, 0.0)
     row = place.astype(int)
@@ -293,7 +315,17 @@ def _depth_behind_surface(
     units = np.where(one_surface, a + (b - a) * fraction, np.abs(nearer).astype(np.float64))
     surface = units * scans.unit_m[k]
     known = inside & (nearer != 0)
-    return np.where(known, rho - surface, np.nan), nearer > 0, known
+    return np.where(known, planar_range - surface, np.nan), nearer > 0, known
+
+
+def _planar_range_and_elevation(points: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Planar range, and elevation from -2 to 2 as range images measure it, by cases."""
+    rho, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        side, cap = z / rho, np.sign(z) * (2.0 - rho / np.abs(z))
+    steep = np.abs(z) > rho
+    elevation = np.where(steep, cap, np.where(rho > 0.0, side, 0.0))
+    return np.where(steep, np.abs(z), rho), elevation
 
 
 def _pseudo_azimuth(points: Float64Array) -> Float64Array:

@@ -134,10 +134,8 @@ class ScanBuffer:
                 offset=np.array([entry.slot for entry in self._entries]) * self._pool.shape[1],
                 columns=np.array([image.pixels.shape[0] for image in images]),
                 rows=np.array([image.pixels.shape[1] for image in images]),
-                tan_elevation_from=np.array([image.tan_elevation_from for image in images]),
-                rows_per_tan_elevation=np.array(
-                    [1.0 / image.tan_elevation_step for image in images]
-                ),
+                elevation_from=np.array([image.elevation_from for image in images]),
+                rows_per_unit=np.array([1.0 / image.elevation_step for image in images]),
                 sensor_from_scene=np.array([inverse(pose)[:3] for pose in poses]),
                 position=np.ascontiguousarray(poses[:, :3, 3]),
                 ground=np.array([image.ground_m for image in images]),

@@ -221,7 +221,8 @@ class Scene:
         kept = xyz if finite.all() else xyz[finite]
         sensor = sensor_of_scan(kept) if self.sensor is None else self.sensor
         time_s = np.nan if timestamp_s is None else _finite("timestamp_s", timestamp_s, "seconds")
-        self._buffer.add(range_image_of(kept, sensor), scene_from_sensor, time_s)
+        image = range_image_of(kept, sensor, scene_from_sensor)
+        self._buffer.add(image, scene_from_sensor, time_s)
 
     def sight(
         self,

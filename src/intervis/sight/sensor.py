@@ -6,8 +6,22 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from intervis.arrays import FloatArray
+from intervis.arrays import Float64Array, FloatArray
 from intervis.errors import SettingsError
+from intervis.sight.kernels.beam_pattern import cells_of, neighbour_angles
+from intervis.sight.kernels.projection import project_points
+from intervis.sight.kernels.rasterize import sort_by_key
+
+NO_RETURN_M = 0.1
+"""Nearer rows are beams without a return: (0, 0, 0), or an offset of the calibration."""
+MIN_RETURNS = 100
+SPACING_SAMPLES = 600
+IRREGULAR = 2.6
+"""In a grid of beams, the spacings beside and above a beam multiply to its solid angle. Where the
+ratio of the two scatters more than this (upper to lower quartile) the returns lie along curves (a
+rosette): the spacing grows by the ratio, so that the gaps between the curves close."""
+SEARCH_CELLS_DEG = (1.0, 4.0)
+"""Neighbours are searched in cells of this size, first in the smaller ones."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +129,10 @@ def sensor_named(name: str) -> Sensor:
 
 
 def sensor_of_scan(points_velo: FloatArray) -> Sensor:
-    """The sensor of a scan, estimated from field of view, spacing and range of its returns.
+    """The sensor of a scan, estimated from angles and ranges of its returns.
+
+    The spacing of the beams is the median angle between neighbouring returns, beside and above
+    each other. Missing, doubled or reordered returns do not change it.
 
     Parameters
     ----------
@@ -125,8 +142,7 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     Returns
     -------
     Sensor
-        Named "derived". Beams are counted as peaks of the elevation histogram; the azimuth step
-        spreads the returns evenly over the beams. `GENERIC` for fewer than 500 returns.
+        Named "derived". `GENERIC` for fewer than 100 returns, or where returns have no neighbours.
 
     Examples
     --------
@@ -138,35 +154,72 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     >>> sensor.beams, round(sensor.highest_deg), round(sensor.azimuth_step_deg, 1)
     (16, 15, 0.4)
     """
-    sample = points_velo[:: max(1, len(points_velo) // 20_000)].astype(np.float64)
-    range_m = np.sqrt(np.einsum("ij,ij->i", sample, sample))
-    sample, range_m = sample[range_m > 0.1], range_m[range_m > 0.1]
-    if len(sample) < 500:
+    xyz = np.ascontiguousarray(points_velo[:, :3], dtype=np.float64)
+    range_m = np.sqrt(np.einsum("ij,ij->i", xyz, xyz))
+    beyond = range_m > NO_RETURN_M
+    if not beyond.all():
+        xyz, range_m = xyz[beyond], range_m[beyond]
+    if len(xyz) < MIN_RETURNS:
         return GENERIC
-    elevation_deg = np.degrees(np.arcsin(np.clip(sample[:, 2] / range_m, -1.0, 1.0)))
+    beside_deg, above_deg = _spacings_deg(xyz)
+    if not beside_deg > 0.0 and not above_deg > 0.0:
+        return GENERIC
+    # Beams do not leave one point: near returns are seen at other elevations than far ones.
+    far = np.flatnonzero(range_m >= np.quantile(range_m, 0.2))[:: max(1, len(xyz) // 20_000)]
+    elevation_deg = np.degrees(np.arcsin(np.clip(xyz[far, 2] / range_m[far], -1.0, 1.0)))
     lowest, highest = np.quantile(elevation_deg, [0.001, 0.999])
-    if highest - lowest < 0.5:
-        return GENERIC
-    beams = _beam_count(elevation_deg, lowest, highest)
-    # Beams into the sky have no return: the true step is somewhat smaller than this estimate.
-    step = 360.0 * beams / len(points_velo)
+    beside_deg = beside_deg if beside_deg > 0.0 else above_deg
+    if not above_deg > 0.0 or highest - lowest < 0.5 * above_deg:
+        # One ring: it observes nothing above and below itself but the width of a beam.
+        middle, half = float(np.clip(0.5 * (lowest + highest), -89.0, 89.0)), 0.5 * beside_deg
+        lowest, highest, beams = middle - half, middle + half, 1
+    else:
+        beams = _beam_count(elevation_deg, float(lowest), float(highest), above_deg)
     return Sensor(
         "derived",
         beams,
-        float(lowest),
-        float(highest),
-        float(np.clip(step, 0.05, 2.0)),
+        max(float(lowest), -90.0),
+        min(float(highest), 90.0),
+        float(np.clip(beside_deg, 0.02, 5.0)),
         min(0.5, float(range_m.min())),
         max(GENERIC.max_range_m, float(range_m.max())),
         GENERIC.divergence_deg,
     )
 
 
-def _beam_count(elevation_deg: FloatArray, lowest: float, highest: float) -> int:
+def _spacings_deg(xyz: Float64Array) -> tuple[float, float]:
+    """Median angles to the nearest neighbours beside and above; NaN where few have one."""
+    azimuth, elevation, planar_m = np.empty(len(xyz)), np.empty(len(xyz)), np.empty(len(xyz))
+    project_points(xyz, azimuth, elevation, planar_m)
+    picked = np.linspace(0, len(xyz) - 1, min(len(xyz), SPACING_SAMPLES)).astype(np.int64)
+    found = [np.nan, np.nan]
+    for cell_deg in SEARCH_CELLS_DEG:
+        columns, rows = round(360.0 / cell_deg), round(229.0 / cell_deg)
+        cells = np.empty(len(xyz), np.int64)
+        cells_of(azimuth, elevation, columns, rows, cells)
+        order, start = sort_by_key(cells, np.arange(len(xyz)), columns * rows)
+        angles = np.empty((3, len(picked)))
+        neighbour_angles(azimuth, elevation, order, start, columns, rows, picked, *angles)
+        for n, angle in enumerate(np.degrees(angles[:2])):
+            known = angle[np.isfinite(angle)]
+            if np.isnan(found[n]) and len(known) >= 0.5 * len(picked):
+                found[n] = float(np.median(known))
+        if np.isfinite(found).all():
+            break
+    beside, above = found
+    known = np.isfinite(angles).all(axis=0)
+    if known.any():
+        low, high = np.quantile(angles[2, known] / (angles[0] * angles[1])[known], [0.25, 0.75])
+        if high > IRREGULAR * low:
+            return beside * max(high, 1.0), above * max(high, 1.0)
+    return beside, above
+
+
+def _beam_count(elevation_deg: FloatArray, lowest: float, highest: float, spacing: float) -> int:
     """Beams of a spinning sensor, as peaks in the histogram of elevations.
 
-    Without clear peaks (beams with different origins, as in a calibrated HDL-64E) one beam per 0.42
-    degrees is assumed.
+    Without clear peaks (beams with different origins, as in a calibrated HDL-64E) the beams have
+    the spacing between neighbouring returns.
     """
     bins = max(8, int((highest - lowest) / 0.05))
     count, _ = np.histogram(elevation_deg, bins=bins, range=(lowest - 0.025, highest + 0.025))
@@ -175,4 +228,4 @@ def _beam_count(elevation_deg: FloatArray, lowest: float, highest: float) -> int
     clear = 1.0 - full.mean()
     if clear > 0.5 and starts >= 4:
         return starts
-    return max(4, round((highest - lowest) / 0.42))
+    return max(2, round((highest - lowest) / spacing) + 1)

@@ -16,18 +16,18 @@ LANES = 8
 BATCH_SAMPLES, BATCH_LINES = 512, 64
 """A batch is closed at so many samples or lines: its rows then stay in the level-1 cache."""
 
-# Rows of `Batch.samples`. Of the scan at hand: horizontal range rho, fractional position between
+# Rows of `Batch.samples`. Of the scan at hand: planar range, fractional position between
 # two rows of its range image (-1: outside the image), depth behind its surface (NaN: unobserved);
 # the nearest scan and the bracketing scan keep their depths in rows of their own. Over all scans:
 # sum of log-odds; smallest distance in front of an observed surface, and smallest absolute depth at
 # or behind one (inf: none), with the rank of the scan it comes from. Height above the nearest
 # scan's ground; dynamic state (1 occupied, -1 left or not yet reached, 0 static); position along
 # the line from 0 to 1.
-RHO, FRACTION, DEPTH, BY_NEAREST, BY_BRACKETING, LOG_ODDS = range(6)
+RANGE, FRACTION, DEPTH, BY_NEAREST, BY_BRACKETING, LOG_ODDS = range(6)
 GAP, NEAR, RANK, HEIGHT, DYNAMIC, POSITION = range(6, 12)
 # The same rows after classification: occupancy of samples at surfaces, in free and in unobserved
 # space; flags of unobserved samples and of those behind a surface; clearance in free space.
-SURFACE, FREE, UNOBSERVED = LOG_ODDS, RHO, FRACTION
+SURFACE, FREE, UNOBSERVED = LOG_ODDS, RANGE, FRACTION
 IS_UNOBSERVED, IN_OCCLUDED_SPACE, CLEARANCE = DEPTH, BY_BRACKETING, BY_NEAREST
 # Rows of `Batch.places` (indices into tables): the lower of two pixels of the range image, an entry
 # of the depth table, an entry of the ground map or another table. Rows of `Batch.values`: the two

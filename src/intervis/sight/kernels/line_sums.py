@@ -8,12 +8,14 @@ from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
 from intervis.sight.kernels.batch import (
     CLEARANCE,
+    DYNAMIC,
     FIRST,
     FREE,
     GAP,
     HEIGHT,
     IN_OCCLUDED_SPACE,
     IS_UNOBSERVED,
+    LOG_ODDS,
     NEAR,
     RANK,
     STEP_M,
@@ -51,6 +53,44 @@ def new_line_sums(count: int) -> LineSums:
     """Uninitialised sums for so many lines."""
     v = np.empty((8, count))
     return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], np.empty(count, np.int64))
+
+
+@kernel
+def clear_ends(
+    samples: Float64Array,
+    offsets: IntArray,
+    count: int,
+    parameters: Parameters,
+    lowest_log_odds: float,
+) -> None:
+    """Make the samples along the surface that an end of their line lies on free.
+
+    From each end inwards: all samples up to the first one that is farther than `end_surface_m` from
+    every surface, below ground, or occupied by a dynamic object. If that one is not free, the line
+    enters the surface: fewer than `grazing_samples` then stay as they are.
+    """
+    log_odds, gap, near = samples[LOG_ODDS], samples[GAP], samples[NEAR]
+    height, dynamic = samples[HEIGHT], samples[DYNAMIC]
+    for i in range(count):
+        begin, end = offsets[i, 0], offsets[i, 1]
+        for way in range(2):
+            first, step = (begin, 1) if way == 0 else (end - 1, -1)
+            m = first
+            while (
+                begin <= m < end
+                and near[m] <= parameters.end_surface_m
+                and not height[m] < -parameters.below_ground_m
+                and not dynamic[m] > 0.0
+            ):
+                m += step
+            if begin <= m < end and abs(m - first) < parameters.grazing_samples:
+                leaves = near[m] == np.inf and gap[m] < np.inf
+                if not leaves or height[m] < -parameters.below_ground_m:
+                    continue
+            for k in range(first, m, step):
+                log_odds[k] = lowest_log_odds
+                gap[k] = min(gap[k], 0.0)
+                near[k] = np.inf
 
 
 @kernel
@@ -115,8 +155,9 @@ def add_up(
         if at_surface > 0.0:
             for m in range(begin, end):
                 # Samples below ground have equal occupancy: take the one nearest to its surface.
-                if surface[m] > most or (surface[m] == most > 0.0 and height[m] > most_height):
-                    most, most_height = surface[m], height[m]
+                above = height[m] if height[m] == height[m] else -np.inf  # NaN: unknown ground
+                if surface[m] > most or (surface[m] == most > 0.0 and above > most_height):
+                    most, most_height = surface[m], above
                     most_scan = batch.chosen[i, int(rank[m])]
                     most_at = m - begin + batch.lines[i, FIRST]
         sums.surface[at + i] = at_surface * attenuation_per_m * step

@@ -12,6 +12,7 @@ from intervis.kernels import kernel
 from intervis.sight.kernels.batch import (
     BY_NEAREST,
     DEPTH,
+    DYNAMIC,
     HEIGHT,
     LOG_ODDS,
     PLACE,
@@ -26,7 +27,12 @@ from intervis.sight.kernels.dynamics import (
     keep_depths,
     resolve_dynamic,
 )
-from intervis.sight.kernels.line_sums import LineSums, add_up, classify_samples
+from intervis.sight.kernels.line_sums import (
+    LineSums,
+    add_up,
+    classify_samples,
+    clear_ends,
+)
 from intervis.sight.kernels.packed_scans import PackedScans, choose_scans
 from intervis.sight.kernels.parameters import OccupancyModel
 from intervis.sight.kernels.samples import (
@@ -116,7 +122,7 @@ def march(
             reduce_depths(samples, depths, n, total, parameters.surface_from_m)
             accumulate(samples, places, n, total, depth_log_odds, weights[n])
             if n == 0:
-                compute_heights(ground, samples, places, lines, offsets, chosen, count)
+                compute_heights(ground, position, a, b, batch)
             else:
                 keep_depths(samples, lines, offsets, count, n)
         heights = len(height_log_odds)
@@ -127,6 +133,9 @@ def march(
             resolve_dynamic(pixels, a, b, parameters, batch)
             occupied, free = parameters.dynamic_occupied_log_odds, parameters.dynamic_free_log_odds
             apply_dynamic(samples, total, occupied, free)
+        else:
+            samples[DYNAMIC, :total] = 0.0
+        clear_ends(samples, offsets, count, parameters, parameters.log_odds_from)
         start, steps = parameters.log_odds_from, len(occupancies)
         _find_places(samples, LOG_ODDS, places, total, start, per_log_odds, steps)
         _to_occupancy(samples, places, total, occupancies)

@@ -4,17 +4,17 @@ import numpy as np
 
 from intervis.arrays import Float64Array, Int16Array
 from intervis.kernels import kernel
-from intervis.sight.kernels.azimuth import FULL_CIRCLE, pseudo_azimuth
 from intervis.sight.kernels.packed_scans import (
     COLUMNS,
+    ELEVATION_FROM,
     OFFSET,
     ROWS,
-    ROWS_PER_TAN_ELEVATION,
-    TAN_ELEVATION_FROM,
+    ROWS_PER_UNIT,
     UNIT_M,
     depth_at,
     to_sensor_frame,
 )
+from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 
 SEARCH_M = 1.5
 """The intersection is searched this far along the line, on both sides of the occluding sample."""
@@ -68,18 +68,19 @@ def _shift(pixels: Int16Array, descriptor: Float64Array, line: Float64Array, at_
     rho = np.sqrt(u * u + v * v)
     rows, columns = int(descriptor[ROWS]), int(descriptor[COLUMNS])
     at = int(descriptor[OFFSET])
-    place = (w / rho - descriptor[TAN_ELEVATION_FROM]) * descriptor[ROWS_PER_TAN_ELEVATION]
+    planar_range = max(rho, abs(w))
+    place = (pseudo_elevation(rho, w) - descriptor[ELEVATION_FROM]) * descriptor[ROWS_PER_UNIT]
     columns_per_unit = descriptor[COLUMNS] / FULL_CIRCLE
     c = int(min(pseudo_azimuth(u, v) * columns_per_unit, descriptor[COLUMNS] - 1.0))
     if not (0.0 <= place + 0.5 < rows):
         return 0.0
     r = int(place + 0.5)
     least = MAX_SHIFT_M
-    units = rho / descriptor[UNIT_M]
+    units = planar_range / descriptor[UNIT_M]
     for way in range(4):
-        step = rho * (
-            1.0 / descriptor[ROWS_PER_TAN_ELEVATION] if way < 2 else 2.0 * np.pi / columns
-        )
+        step = planar_range / descriptor[ROWS_PER_UNIT] if way < 2 else 2.0 * np.pi * rho / columns
+        if step == 0.0:
+            continue
         n = 1
         while n * step < least:
             row = r + n if way == 0 else (r - n if way == 1 else r)

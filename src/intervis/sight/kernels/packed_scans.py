@@ -6,16 +6,16 @@ import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array, Int16Array, IntArray
 from intervis.kernels import kernel
-from intervis.sight.kernels.azimuth import FULL_CIRCLE, pseudo_azimuth
+from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 
 DISTANCE_STEP_M = 0.5
 """Distances from a scan to a line's ends are compared in steps of this; ties: newest first."""
 MAX_INTERPOLATED_JUMP = 0.1
-"""The surface is interpolated between two rows whose rho differs by less than this fraction."""
+"""Between two rows whose planar ranges differ by less than this fraction, it is interpolated."""
 
 # Columns of a scan descriptor: geometry of the range image, then the three rows of
 # sensor_from_scene.
-UNIT_M, OFFSET, COLUMNS, ROWS, TAN_ELEVATION_FROM, ROWS_PER_TAN_ELEVATION, FROM_SCENE = range(7)
+UNIT_M, OFFSET, COLUMNS, ROWS, ELEVATION_FROM, ROWS_PER_UNIT, FROM_SCENE = range(7)
 
 
 class PackedScans(NamedTuple):
@@ -33,8 +33,8 @@ class PackedScans(NamedTuple):
     offset: IntArray
     columns: IntArray
     rows: IntArray
-    tan_elevation_from: Float64Array
-    rows_per_tan_elevation: Float64Array
+    elevation_from: Float64Array
+    rows_per_unit: Float64Array
     sensor_from_scene: Float64Array
     position: Float64Array
     ground: Float32Array
@@ -53,8 +53,8 @@ def descriptors_of(scans: PackedScans) -> Float64Array:
     for k in range(len(descriptors)):
         descriptors[k, UNIT_M], descriptors[k, OFFSET] = scans.unit_m[k], scans.offset[k]
         descriptors[k, COLUMNS], descriptors[k, ROWS] = scans.columns[k], scans.rows[k]
-        descriptors[k, TAN_ELEVATION_FROM] = scans.tan_elevation_from[k]
-        descriptors[k, ROWS_PER_TAN_ELEVATION] = scans.rows_per_tan_elevation[k]
+        descriptors[k, ELEVATION_FROM] = scans.elevation_from[k]
+        descriptors[k, ROWS_PER_UNIT] = scans.rows_per_unit[k]
         for axis in range(3):
             for n in range(4):
                 descriptors[k, FROM_SCENE + 4 * axis + n] = scans.sensor_from_scene[k, axis, n]
@@ -131,7 +131,7 @@ def depth_at(pixels: Int16Array, descriptor: Float64Array, x: float, y: float, z
     `pixels` are those of all scans, `descriptor` is the scan's row.
     """
     rho = np.sqrt(x * x + y * y)
-    f = (z / rho - descriptor[TAN_ELEVATION_FROM]) * descriptor[ROWS_PER_TAN_ELEVATION]
+    f = (pseudo_elevation(rho, z) - descriptor[ELEVATION_FROM]) * descriptor[ROWS_PER_UNIT]
     rows = descriptor[ROWS]
     if not (0.0 <= f < rows - 1.0):
         return np.nan
@@ -146,4 +146,4 @@ def depth_at(pixels: Int16Array, descriptor: Float64Array, x: float, y: float, z
         return np.nan
     if abs(low - high) < MAX_INTERPOLATED_JUMP * min(low, high):
         surface = low + (high - low) * f
-    return float(rho - surface * descriptor[UNIT_M])
+    return float(max(rho, abs(z)) - surface * descriptor[UNIT_M])

@@ -19,6 +19,8 @@ class Parameters(NamedTuple):
     below_ground_attenuation_per_m: float
     surface_from_m: float
     surface_to_m: float
+    end_surface_m: float
+    grazing_samples: float
     free_depth_m: float
     dynamic_max_depth_m: float
     dynamic_min_height_m: float

@@ -4,28 +4,15 @@ import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array, Int16Array, IntArray
 from intervis.kernels import kernel
-from intervis.sight.kernels.azimuth import pseudo_azimuth
+from intervis.sight.kernels.projection import ZENITH
 
-MAX_TAN_ELEVATION = 2.0
-"""Returns steeper than +-63 degrees are outside the range image."""
 MAX_JUMP, FLAT_M = 0.2, 0.25
-"""Two returns lie on one surface if rho differs by less than this fraction, or z by so little."""
+"""Two returns lie on one surface if their planar ranges differ by less than this fraction, or their
+heights by so little."""
 MAX_GAP_SPACINGS = 2.6
 """A gap of more beam spacings than this holds no surface."""
 AGREEMENT = 0.04
-"""Neighbours agree if their 1 / rho differs by less than this fraction."""
-
-
-@kernel
-def to_spherical(
-    xyz: Float64Array, azimuth: Float64Array, rho: Float64Array, tan_elevation: Float64Array
-) -> None:
-    """Pseudo-azimuth, horizontal range and tan(elevation) of points in the sensor's frame."""
-    for i in range(len(xyz)):
-        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        rho[i] = np.sqrt(x * x + y * y)
-        tan_elevation[i] = z / rho[i]
-        azimuth[i] = pseudo_azimuth(x, y)
+"""Neighbours agree if 1 / planar range differs by less than this fraction."""
 
 
 @kernel
@@ -46,9 +33,9 @@ def sort_by_key(key: IntArray, order: IntArray, count: int) -> tuple[IntArray, I
 
 @kernel
 def beam_spacings(
-    tan_elevation: Float64Array, order: IntArray, start: IntArray, usual: float, bands: int
+    elevation: Float64Array, order: IntArray, start: IntArray, usual: float, bands: int
 ) -> Float64Array:
-    """Median step in tan(elevation) between neighbouring beams, by band from the lowest up.
+    """Median step in pseudo-elevation between neighbouring beams, by band from the lowest up.
 
     Two returns of one beam lie in a column a fraction of a beam apart: steps under a quarter of
     the usual one are ignored. A band with few returns takes the value of the nearest other band.
@@ -58,11 +45,10 @@ def beam_spacings(
     count = np.zeros((bands, bins), np.int64)
     for c in range(len(start) - 1):
         for m in range(start[c] + 1, start[c + 1]):
-            low, high = tan_elevation[order[m - 1]], tan_elevation[order[m]]
+            low, high = elevation[order[m - 1]], elevation[order[m]]
             step = high - low
             if least < step < 8.0 * usual:
-                middle = 0.5 * (low + high) + MAX_TAN_ELEVATION
-                band = int(middle / (2.0 * MAX_TAN_ELEVATION) * bands)
+                band = band_of(0.5 * (low + high), bands)
                 count[band, int((step - least) / (7.75 * usual) * bins)] += 1
     spacings = np.full(bands, -1.0)
     for band in range(bands):
@@ -86,9 +72,16 @@ def beam_spacings(
 
 
 @kernel
+def band_of(elevation: float, bands: int) -> int:
+    """The band of a pseudo-elevation, of `bands` equal ones from straight down to straight up."""
+    return min(int((elevation + ZENITH) / (2.0 * ZENITH) * bands), bands - 1)
+
+
+@kernel
 def rasterize(
-    rho: Float64Array,
-    tan_elevation: Float64Array,
+    planar_range: Float64Array,
+    elevation: Float64Array,
+    height: Float64Array,
     order: IntArray,
     start: IntArray,
     spacings: Float64Array,
@@ -96,67 +89,76 @@ def rasterize(
     step: float,
     image: Float32Array,
 ) -> None:
-    """Fill each column of the image with the polyline of its returns in (t, 1 / rho).
+    """Fill each column of the image with the polyline of its returns in (e, 1 / planar range).
 
-    `order` lists the returns by column and tan(elevation) t, those of column c from `start[c]` on.
-    Row k of the image lies at t = lowest + k step.
+    `order` lists the returns by column and pseudo-elevation e, those of column c from `start[c]`
+    on. `height` is measured along gravity. Row k of the image lies at e = lowest + k step.
     """
     columns, rows = image.shape
     bands = len(spacings)
     for c in range(columns):
         for m in range(start[c], start[c + 1]):
             i = order[m]
-            t, r = tan_elevation[i], rho[i]
-            band = int((t + MAX_TAN_ELEVATION) / (2.0 * MAX_TAN_ELEVATION) * bands)
-            spacing = spacings[min(band, bands - 1)]
+            t, r = elevation[i], planar_range[i]
+            spacing = spacings[band_of(t, bands)]
             first = t - 0.6 * spacing
             last = t + 0.6 * spacing
-            if m > start[c] and t - tan_elevation[order[m - 1]] < MAX_GAP_SPACINGS * spacing:
+            if m > start[c] and t - elevation[order[m - 1]] < MAX_GAP_SPACINGS * spacing:
                 j = order[m - 1]
-                u, q = tan_elevation[j], rho[j]
+                u, q = elevation[j], planar_range[j]
                 first = 0.5 * (t + u)
-                if abs(r - q) < MAX_JUMP * min(r, q) or abs(t * r - u * q) < FLAT_M:
+                if abs(r - q) < MAX_JUMP * min(r, q) or abs(height[i] - height[j]) < FLAT_M:
                     first = t
                     for k in range(_row(u, lowest, step, rows), _row(t, lowest, step, rows)):
                         f = (lowest + k * step - u) / (t - u)
                         image[c, k] = 1.0 / ((1.0 - f) / q + f / r)
             if m + 1 < start[c + 1]:
-                u = tan_elevation[order[m + 1]]
+                u = elevation[order[m + 1]]
                 last = 0.5 * (t + u) if u - t < MAX_GAP_SPACINGS * spacing else last
             for k in range(_row(first, lowest, step, rows), _row(last, lowest, step, rows)):
                 image[c, k] = r
 
 
 @kernel
-def _row(tan_elevation: float, lowest: float, step: float, rows: int) -> int:
-    """First row at or above a tan(elevation)."""
-    return int(min(max(np.ceil((tan_elevation - lowest) / step), 0.0), float(rows)))
+def _row(elevation: float, lowest: float, step: float, rows: int) -> int:
+    """First row at or above a pseudo-elevation."""
+    return int(min(max(np.ceil((elevation - lowest) / step), 0.0), float(rows)))
 
 
 @kernel
 def quantize(image: Float32Array, far: int, units_per_m: float, pixels: Int16Array) -> None:
-    """Store rho in units, negative where fewer than three of four neighbours agree in 1 / rho.
+    """Store planar ranges in units, negative where fewer than three of four neighbours agree.
 
-    The neighbours above and below are `far` rows away, one beam, and may differ twice as much.
+    The neighbours above and below are `far` rows away, one beam, and may differ twice as much. If
+    both were not observed (a single ring), they count as one that agrees. A column that its beam
+    missed takes the nearer range of its neighbours, and the next column is its neighbour's.
     """
     columns, rows = image.shape
     for c in range(columns):
-        left = image[c - 1]
-        right = image[c + 1 if c + 1 < columns else 0]
+        left, left_but_one = image[c - 1], image[c - 2]
+        right, right_but_one = image[(c + 1) % columns], image[(c + 2) % columns]
         here = image[c]
         for k in range(rows):
             r = here[k]
             pixels[c, k] = 0
-            if r == 0.0:
-                continue
+            if r == 0.0:  # azimuths jitter: a beam may miss a column between two that it hits
+                if left[k] == 0.0 or right[k] == 0.0:
+                    continue
+                r = min(left[k], right[k])
+            at_left = left[k] if left[k] > 0.0 else left_but_one[k]
+            at_right = right[k] if right[k] > 0.0 else right_but_one[k]
             agree = 0
-            if left[k] > 0.0 and abs(r - left[k]) < AGREEMENT * left[k]:
+            if at_left > 0.0 and abs(r - at_left) < AGREEMENT * at_left:
                 agree += 1
-            if right[k] > 0.0 and abs(r - right[k]) < AGREEMENT * right[k]:
+            if at_right > 0.0 and abs(r - at_right) < AGREEMENT * at_right:
                 agree += 1
-            if k >= far and abs(r - here[k - far]) < 2.0 * AGREEMENT * here[k - far]:
+            below = here[k - far] if k >= far else np.float32(0.0)
+            above = here[k + far] if k + far < rows else np.float32(0.0)
+            if below == 0.0 and above == 0.0:
                 agree += 1
-            if k + far < rows and abs(r - here[k + far]) < 2.0 * AGREEMENT * here[k + far]:
+            if below > 0.0 and abs(r - below) < 2.0 * AGREEMENT * below:
+                agree += 1
+            if above > 0.0 and abs(r - above) < 2.0 * AGREEMENT * above:
                 agree += 1
             units = max(r * units_per_m, 1.0)
             pixels[c, k] = units if agree >= 3 else -units

@@ -5,9 +5,8 @@ Why the passes are cut as they are: see `intervis.sight.kernels`.
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, Int16Array, Int32Array, IntArray
+from intervis.arrays import Float32Array, Float64Array, Int16Array, Int32Array
 from intervis.kernels import kernel
-from intervis.sight.kernels.azimuth import FULL_CIRCLE, pseudo_azimuth
 from intervis.sight.kernels.batch import (
     ALONG,
     ENTRY,
@@ -23,22 +22,23 @@ from intervis.sight.kernels.batch import (
     PIXEL,
     PLACE,
     POSITION,
+    RANGE,
     RANK,
-    RHO,
     START,
     Batch,
     padded_count,
 )
 from intervis.sight.kernels.packed_scans import (
     COLUMNS,
+    ELEVATION_FROM,
     MAX_INTERPOLATED_JUMP,
     OFFSET,
     ROWS,
-    ROWS_PER_TAN_ELEVATION,
-    TAN_ELEVATION_FROM,
+    ROWS_PER_UNIT,
     UNIT_M,
 )
 from intervis.sight.kernels.parameters import Parameters
+from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 from intervis.sight.kernels.terrain import CELL_M, CELLS
 
 
@@ -68,30 +68,30 @@ def place_samples(count: int, batch: Batch) -> None:
 def project(n: int, count: int, batch: Batch) -> None:
     """Project the samples into the range images of their lines' n-th scans.
 
-    Writes rho, the lower of the two nearest pixels in the column, and the fractional row.
+    Writes planar range, the lower of the two nearest pixels in the column, and fractional row.
     """
     samples, places, lines, offsets = batch.samples, batch.places, batch.lines, batch.offsets
     for i in range(count):
         begin, end = offsets[i, 0], offsets[i, 2]
-        rho_of, fraction_of = samples[RHO, begin:end], samples[FRACTION, begin:end]
+        range_of, fraction_of = samples[RANGE, begin:end], samples[FRACTION, begin:end]
         pixel_of = places[PIXEL, begin:end]
         u0, v0, w0 = lines[i, START], lines[i, START + 1], lines[i, START + 2]
         du, dv, dw = lines[i, ALONG], lines[i, ALONG + 1], lines[i, ALONG + 2]
         position, k = samples[POSITION, begin:end], batch.chosen[i, n]
-        tan_elevation_from = batch.descriptors[k, TAN_ELEVATION_FROM]
-        rows_per_tan_elevation = batch.descriptors[k, ROWS_PER_TAN_ELEVATION]
+        elevation_from = batch.descriptors[k, ELEVATION_FROM]
+        rows_per_unit = batch.descriptors[k, ROWS_PER_UNIT]
         columns, rows = batch.descriptors[k, COLUMNS], batch.descriptors[k, ROWS]
         columns_per_unit = columns / FULL_CIRCLE
         for m in range(padded_count(begin, end)):
             s = position[m]
             u, v, w = u0 + s * du, v0 + s * dv, w0 + s * dw
             rho = np.sqrt(u * u + v * v)
-            f = (w / rho - tan_elevation_from) * rows_per_tan_elevation
+            f = (pseudo_elevation(rho, w) - elevation_from) * rows_per_unit
             inside = (f >= 0.0) & (f < rows - 1.0)
             f = f if inside else 0.0
             row = np.floor(f)
             column = np.floor(clamped(pseudo_azimuth(u, v) * columns_per_unit, columns - 1.0))
-            rho_of[m] = rho
+            range_of[m] = max(rho, abs(w))
             fraction_of[m] = f - row if inside else -1.0
             pixel_of[m] = column * rows + row
 
@@ -118,7 +118,7 @@ def compute_depths(
     depth_from_m, entries_per_m = parameters.depth_from_m, parameters.entries_per_m
     for i in range(runs):
         begin, end = batch.runs[i, 0], batch.runs[i, 1]
-        rho_of, fraction = batch.samples[RHO, begin:end], batch.samples[FRACTION, begin:end]
+        range_of, fraction = batch.samples[RANGE, begin:end], batch.samples[FRACTION, begin:end]
         lows, highs = batch.values[LOW, begin:end], batch.values[HIGH, begin:end]
         depth_of, entry_of = batch.samples[to, begin:end], batch.places[ENTRY, begin:end]
         unit_m = batch.descriptors[batch.runs[i, 2], UNIT_M]
@@ -130,7 +130,7 @@ def compute_depths(
             mixed = below + (above - below) * f
             jump = abs(below - above)
             surface = mixed if jump < MAX_INTERPOLATED_JUMP * min(below, above) else abs(value)
-            depth = rho_of[m] - surface * unit_m
+            depth = range_of[m] - surface * unit_m
             entry = np.floor(clamped((depth - depth_from_m) * entries_per_m, entries - 1.0))
             entry += entries if value > 0.0 else 0.0
             entry_of[m] = entry if known else 2.0 * entries
@@ -178,20 +178,21 @@ def accumulate(
 @kernel
 def compute_heights(
     ground: Float32Array,
-    samples: Float64Array,
-    places: Int32Array,
-    lines: Float64Array,
-    offsets: IntArray,
-    chosen: IntArray,
-    count: int,
+    sensor_position: Float64Array,
+    first: Float64Array,
+    second: Float64Array,
+    batch: Batch,
 ) -> None:
     """Heights of the samples above the nearest scan's ground; `ground` holds all ground maps."""
+    samples, places = batch.samples, batch.places
+    offsets, chosen, count = batch.offsets, batch.chosen, len(first)
     per_m, half = 1.0 / CELL_M, 0.5 * CELLS * CELL_M
     for i in range(count):
         begin, end = offsets[i, 0], offsets[i, 2]
         place, height = places[PLACE, begin:end], samples[HEIGHT, begin:end]
-        u0, v0, w0 = lines[i, START] + half, lines[i, START + 1] + half, lines[i, START + 2]
-        du, dv, dw = lines[i, ALONG], lines[i, ALONG + 1], lines[i, ALONG + 2]
+        a, b, sensor = first[i], second[i], sensor_position[chosen[i, 0]]
+        u0, v0, w0 = a[0] - sensor[0] + half, a[1] - sensor[1] + half, a[2] - sensor[2]
+        du, dv, dw = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         position = samples[POSITION, begin:end]
         before = float(chosen[i, 0]) * CELLS
         for m in range(padded_count(begin, end)):

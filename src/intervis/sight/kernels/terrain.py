@@ -1,4 +1,4 @@
-"""Kernels of the ground map: lowest returns per cell, outliers, slope filter, extrapolation."""
+"""Kernels of the ground map: lowest returns per cell, outliers, slope filter, interpolation."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from intervis.kernels import kernel
 
 CELL_M = 1.0
 CELLS = 128
-"""The map has CELLS x CELLS square cells around the sensor. Beyond, its border value applies."""
+"""The map has CELLS x CELLS square cells around the sensor."""
 MAX_RISE = 0.15
 """Slope above which a rise is an object on the ground, not ground."""
-MAX_DESCENT = 0.08
-"""Slope below which the ground does not fall away from the sensor: deeper returns are multipath."""
+MAX_GAP_CELLS = 8
+"""The ground is interpolated between cells with returns that are at most so many cells apart."""
+CELLS_IN_FRONT = 6
+"""A cell is compared with so many cells between it and the sensor."""
 OUTLIER_M = 0.35
-NEAR_SENSOR_M = 12.0
-"""The ground height at the sensor is the median over cells closer than this."""
 
 
 @kernel
@@ -67,24 +67,29 @@ def remove_outliers(least: Float32Array, kept: Float32Array) -> None:
 
 
 @kernel
-def remove_too_low(height: Float32Array) -> None:
-    """Drop cells below the steepest descent from the ground around the sensor."""
-    around = np.empty(CELLS * CELLS, np.float32)
-    n = 0
+def remove_below_nearer(height: Float32Array) -> None:
+    """Drop cells that the sensor sees through the ground: multipath returns below the road.
+
+    The line from the sensor to such a cell passes below most of the known cells just in front of
+    it. The line to a falling road or to the foot of a wall passes above them.
+    """
     middle = CELLS // 2
-    reach = int(NEAR_SENSOR_M / CELL_M)
-    for a in range(middle - reach, middle + reach):
-        for b in range(middle - reach, middle + reach):
-            if np.isfinite(height[a, b]):
-                around[n] = height[a, b]
-                n += 1
-    if n == 0:
-        return
-    base = np.median(around[:n])
+    seen = height.copy()
     for a in range(CELLS):
         for b in range(CELLS):
-            away = CELL_M * np.sqrt(float((a - middle) ** 2 + (b - middle) ** 2))
-            if height[a, b] < base - OUTLIER_M - MAX_DESCENT * away:
+            z = seen[a, b]
+            away = np.sqrt(float((a - middle) ** 2 + (b - middle) ** 2))
+            if not np.isfinite(z) or away < 2.0:
+                continue
+            above, known = 0, 0
+            for n in range(1, min(CELLS_IN_FRONT, int(away)) + 1):
+                f = 1.0 - n / away
+                p = middle + int(np.floor((a - middle) * f + 0.5))
+                q = middle + int(np.floor((b - middle) * f + 0.5))
+                if np.isfinite(seen[p, q]):
+                    known += 1
+                    above += 1 if seen[p, q] > f * z + OUTLIER_M else 0
+            if known > 0 and 2 * above >= known:
                 height[a, b] = np.inf
 
 
@@ -108,20 +113,27 @@ def slope_filter(height: Float32Array) -> None:
 
 
 @kernel
-def extrapolate(height: Float32Array, known: BoolArray) -> None:
-    """Give each cell without returns the height of the nearest cell that has some."""
-    away = np.full((CELLS, CELLS), 4 * CELLS, np.int64)
-    for a in range(CELLS):
-        for b in range(CELLS):
-            if known[a, b]:
-                away[a, b] = 0
-            if a > 0 and away[a - 1, b] + 1 < away[a, b]:
-                away[a, b], height[a, b] = away[a - 1, b] + 1, height[a - 1, b]
-            if b > 0 and away[a, b - 1] + 1 < away[a, b]:
-                away[a, b], height[a, b] = away[a, b - 1] + 1, height[a, b - 1]
-    for a in range(CELLS - 1, -1, -1):
-        for b in range(CELLS - 1, -1, -1):
-            if a < CELLS - 1 and away[a + 1, b] + 1 < away[a, b]:
-                away[a, b], height[a, b] = away[a + 1, b] + 1, height[a + 1, b]
-            if b < CELLS - 1 and away[a, b + 1] + 1 < away[a, b]:
-                away[a, b], height[a, b] = away[a, b + 1] + 1, height[a, b + 1]
+def interpolate(height: Float32Array, known: BoolArray) -> None:
+    """Fill cells without returns between two cells that have some, along x or else along y.
+
+    The two are at most `MAX_GAP_CELLS` apart. All other cells become NaN: the ground there was not
+    observed. So do the cells of the border, whose values apply beyond the map.
+    """
+    filled = np.full((CELLS, CELLS), np.nan, np.float32)
+    for axis in range(2):
+        for row in range(1, CELLS - 1):
+            last = -1
+            for at in range(1, CELLS - 1):
+                a, b = (at, row) if axis == 0 else (row, at)
+                if not known[a, b]:
+                    continue
+                filled[a, b] = height[a, b]
+                if last >= 0 and 1 < at - last <= MAX_GAP_CELLS:
+                    before = height[last, row] if axis == 0 else height[row, last]
+                    for k in range(last + 1, at):
+                        f = np.float32((k - last) / (at - last))
+                        p, q = (k, row) if axis == 0 else (row, k)
+                        if np.isnan(filled[p, q]):
+                            filled[p, q] = before + f * (height[a, b] - before)
+                last = at
+    height[:] = filled

@@ -1,0 +1,62 @@
+"""``intervis matrix``: exact truth over scanners, mounts and worlds."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from intervis.cli.terminal import progress, show
+from intervis.errors import SettingsError
+
+
+def matrix(
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for matrix.json and .md.")
+    ] = None,
+    scanners: Annotated[str | None, typer.Option(help="Names, comma-separated.")] = None,
+    mounts: Annotated[str | None, typer.Option(help="Names, comma-separated.")] = None,
+    worlds: Annotated[str | None, typer.Option(help="Names, comma-separated.")] = None,
+    lines: Annotated[int, typer.Option(metavar="N", help="Sight lines of each cell.")] = 1500,
+    seed: Annotated[int, typer.Option(metavar="S", help="Seed of worlds, sites and lines.")] = 0,
+) -> None:
+    """Score the engine in generated worlds for each scanner and mount."""
+    from intervis.files import write_bytes
+    from intervis.lab.truth.matrix import cells, evaluate_cells, matrix_table, worst_cell
+    from intervis.lab.worlds.beam_pattern import PATTERNS
+    from intervis.lab.worlds.mounts import MOUNTS
+    from intervis.lab.worlds.places import PLACES
+
+    if lines < 3 or seed < 0:
+        raise SettingsError(f"--lines must be 3 or more and --seed 0 or more, got {lines}, {seed}.")
+    chosen = cells(
+        _names("--scanners", scanners, PATTERNS),
+        _names("--mounts", mounts, MOUNTS),
+        _names("--worlds", worlds, PLACES),
+    )
+    if not chosen:
+        raise SettingsError(
+            "these scanners, mounts and worlds make no cell: the terrestrial scanner stands on its"
+            " tripod only, the others never do, and the hall has no mast."
+        )
+    with progress("matrix", len(chosen)) as advance:
+        results = list(evaluate_cells(chosen, lines=lines, seed=seed, progress=advance))
+    table = matrix_table(results)
+    show(table.as_text())
+    worst, name, value = worst_cell(results)
+    show(f"Worst cell: {worst.scanner}, {worst.mount}, {worst.world}: {name} {value:.3f}.")
+    if out is not None:
+        body = {"lines": lines, "seed": seed, "cells": [result.to_json() for result in results]}
+        write_bytes(out / "matrix.json", (json.dumps(body, indent=1) + "\n").encode())
+        write_bytes(out / "matrix.md", table.as_markdown().encode())
+
+
+def _names(option: str, text: str | None, known: Iterable[str]) -> list[str] | None:
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in known:
+            raise SettingsError(f"{option}: {name!r} is not one of {', '.join(known)}.")
+    return names

@@ -1,0 +1,62 @@
+"""The matrix on a wall whose lines are labelled by hand."""
+
+import numpy as np
+import pytest
+
+from intervis.errors import SettingsError
+from intervis.lab.cli.matrix import matrix
+from intervis.lab.truth.matrix import cells, evaluate_cells, exact_lines, honestly_answerable
+from intervis.lab.worlds.beam_pattern import PATTERNS
+from intervis.lab.worlds.places import PLACES
+from intervis.lab.worlds.ray_casting import RayCaster
+
+
+def test_lines_beside_a_wall_are_answerable_as_worked_by_hand() -> None:
+    # A wall of 8 x 8 m at x = 10, seen by a cone of 19 degrees about x (at x = 10: 3.4 m).
+    low, high = [10.0, -4, -4], [10.0, 4, 4]
+    wall = RayCaster(
+        np.array([[low, [10, 4, -4], high], [low, high, [10, -4, 4]]], dtype=np.float64)
+    )
+    scan = PATTERNS["livox"]().scan(wall, np.eye(4), np.random.default_rng(0))
+    starts = np.array([[8.0, -1, 0], [8, -1, 0], [8, 0, 0], [8, 3.9, 0], [5, -3, 0]])
+    ends = np.array([[8.0, 1, 0], [-8, -1, 0], [14, 0, 0], [14, 3.9, 0], [5, 0, 0]])
+    visible = np.array([True, True, False, False, True])
+    # Inside the cone; behind the scanner; through the scanned wall; through the wall outside the
+    # cone; from outside the cone into it.
+    found = honestly_answerable(wall, scan, starts, ends, visible)
+    assert found.tolist() == [True, False, True, False, False]
+
+
+def test_lines_have_exact_labels_and_repeat() -> None:
+    place = PLACES["crossing"](0)
+    scan = PATTERNS["ring"]().scan(place.caster, np.eye(4) + _up(1.7), np.random.default_rng(1))
+    first, again = (exact_lines(place, scan, 90, np.random.default_rng(2)) for _ in range(2))
+    assert np.array_equal(first.ends, again.ends)
+    anywhere = first.kind == 2
+    blocked = place.caster.blocked(first.starts[anywhere], first.ends[anywhere])
+    assert np.array_equal(~blocked, first.visible[anywhere])
+
+
+def test_cells_without_sense_are_left_out() -> None:
+    names = {(cell.scanner, cell.mount, cell.world) for cell in cells()}
+    assert ("terrestrial", "tilted", "street") not in names
+    assert ("vlp-16", "mast", "hall") not in names
+    assert ("qt64", "upside-down", "forest") in names
+
+
+def test_a_cell_is_scored() -> None:
+    (result,) = evaluate_cells(cells(["vlp-16"], ["upright"], ["hall"]), lines=60)
+    assert 0 < result.own_returns <= 1
+    assert 0 <= result.answerable <= 1
+    assert set(result.by_kind) == {"returns", "beam points", "anywhere"}
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(SettingsError, match="'vlp' is not one of"):
+        matrix(scanners="vlp")
+
+
+def _up(height_m: float) -> np.ndarray:
+    shift = np.zeros((4, 4))
+    shift[2, 3] = height_m
+    return shift
