@@ -280,7 +280,7 @@ def _shortest_paths(
     direct = np.empty(n)
     for i in range(n):
         direct[i] = np.sqrt(y[i, 0] ** 2 + y[i, 1] ** 2 + y[i, 2] ** 2)
-    nearest_first = np.argsort(direct)
+    nearest_first = np.argsort(direct, kind="mergesort")  # stable: the smallest number first
     distance = np.full(n, np.inf)
     parent = np.full(n, -1, np.int64)
     done = np.zeros(n, np.bool_)

@@ -72,7 +72,7 @@ class _Likelihood:
 
     def optical_depth(self, theta: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Optical depths of the lines, occupancy of the samples, and where log-odds are free."""
-        raw = self.matrix @ theta[:-2]
+        raw = self.matrix @ theta[:-2] + self.table.height_log_odds
         bounded = np.where(
             self.table.occupied, np.maximum(raw, model.DYNAMIC_OCCUPIED_LOG_ODDS), raw
         )

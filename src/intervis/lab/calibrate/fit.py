@@ -85,6 +85,8 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
         surface_log_odds=fitted.surface_log_odds.tolist(),
         volumetric_log_odds=fitted.volumetric_log_odds.tolist(),
         height_log_odds=fitted.height_log_odds.tolist(),
+        # Chosen by hand: near the mean of the height curve over the heights of traffic.
+        unknown_height_log_odds=model.FITTED["unknown_height_log_odds"],
     )
     engine = model.model_of({**model.FITTED, **result.numbers})
 

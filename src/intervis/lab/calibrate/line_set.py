@@ -10,6 +10,7 @@ from intervis.arrays import BoolArray, Float64Array, IntArray
 from intervis.lab.truth.baselines.input_scans import scene_of
 from intervis.lab.truth.query_set import QuerySet
 from intervis.sight.kernels.packed_scans import PackedScans
+from intervis.sight.occupancy_model import FITTED
 from intervis.sight.reference import LineSamples, reference_samples, time_gap_s
 
 
@@ -61,7 +62,9 @@ class SampleTable:
         For each rank of a contributing scan: interpolation weights of the knots of the volumetric
         and the surface curve; a row is empty if that scan did not observe the direction.
     height : (K, H) sparse array
-        Interpolation weights of the knots of the height curve.
+        Interpolation weights of the knots of the height curve; a row is empty above unknown ground.
+    height_log_odds : (K,) float64 array
+        Log-odds that are not fitted: `unknown_height_log_odds` above unknown ground, else 0.
     scans : (K,) int64 array
         Number of scans that contribute to the line.
     occupied, left, below_ground : (K,) bool arrays
@@ -76,6 +79,7 @@ class SampleTable:
     step_m: Float64Array
     by_rank: list[sparse.csr_array]
     height: sparse.csr_array
+    height_log_odds: Float64Array
     scans: IntArray
     occupied: BoolArray
     left: BoolArray
@@ -134,9 +138,11 @@ def sample_table(
     height = np.concatenate([line.height for line in lines])
     return SampleTable(
         line=np.repeat(np.arange(len(lines)), counts),
-        step_m=np.repeat([line.step for line in lines], counts),
+        # Samples along the surface that an end lies on do not attenuate.
+        step_m=np.concatenate([np.where(line.along_end, 0.0, line.step) for line in lines]),
         by_rank=[_depth_weights(lines, rank, depth_m) for rank in range(ranks)],
         height=hat_weights(height, height_m),
+        height_log_odds=np.where(np.isnan(height), FITTED["unknown_height_log_odds"], 0.0),
         scans=np.repeat([len(line.weights) for line in lines], counts),
         occupied=np.concatenate([line.occupied for line in lines]),
         left=np.concatenate([line.left for line in lines]),
