@@ -1,7 +1,8 @@
 """Terrain height around a sensor.
 
 Traffic, people and parked cars occupy the lowest two metres. The prior that unobserved space is
-occupied therefore depends on the height above ground.
+occupied therefore depends on the height above ground. The ground is known only in cells with
+returns and between such cells: a slope that nobody saw is no ground.
 """
 
 import numpy as np
@@ -17,12 +18,12 @@ from intervis.sight.kernels.terrain import (
 )
 
 
-def ground_map_of(points_velo: Float64Array) -> Float32Array:
+def ground_map_of(points_level: Float64Array) -> Float32Array:
     """Height of the ground around the sensor.
 
     Parameters
     ----------
-    points_velo : (N, 3) float64 array
+    points_level : (N, 3) float64 array
         A scan, metres, the sensor at the origin, z up along gravity.
 
     Returns
@@ -41,7 +42,7 @@ def ground_map_of(points_velo: Float64Array) -> Float32Array:
     """
     lowest = np.empty((CELLS, CELLS), np.float32)
     height = np.empty((CELLS, CELLS), np.float32)
-    lowest_returns(points_velo, lowest)
+    lowest_returns(points_level, lowest)
     remove_outliers(lowest, height)
     remove_below_nearer(height)
     known = np.isfinite(height)

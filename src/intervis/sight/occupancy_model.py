@@ -7,7 +7,8 @@ samples up to the first one with abs(d) > `END_SURFACE_M` for all scans, with d 
 if that one is free or if they are at least `GRAZING_SAMPLES`.
 
 **Inverse sensor model.** The range image of a scan (`range_image`) holds a surface range for each
-direction. The depth of a sample behind it is d = rho(sample) - rho(surface), in metres:
+direction. The depth of a sample behind it is d = r(sample) - r(surface), in metres, with the planar
+range r of the range image (the horizontal range, or |z| where a beam is steeper than 45 degrees):
 
     d << 0      a beam passed through: free
     d near 0    on the surface
@@ -19,7 +20,9 @@ height h above ground is occupied are
 
     log_odds = height_log_odds(h) + sum over scans k of weight_k depth_log_odds(d_k)
 
-where weight_k (`scan_weights`) decays with the rank of the scan. `depth_log_odds` has one curve for
+where h counts along gravity, the scene's z axis, from the nearest scan's ground, and
+`unknown_height_log_odds` stands in where that scan does not show the ground;
+weight_k (`scan_weights`) decays with the rank of the scan. `depth_log_odds` has one curve for
 surfaces and one for volumetric returns (`range_image`: leaves, wires, edges).
 
 **Dynamic objects.** A query time is optional. With one, each second between it and a scan adds

@@ -1,17 +1,21 @@
 """The range image of a scan: one surface range for each direction around the sensor.
 
-Columns are azimuth, rows are tan(elevation) t = z / rho with the horizontal range rho. Within a
-column, 1 / rho of a plane is linear in t: interpolation of 1 / rho between two beams is exact on
-walls and on the ground. A pixel holds
+It covers the whole sphere, as a cube map does (`kernels.projection`). Columns are azimuth, one beam
+step wide; rows are pseudo-elevation: z / rho on the sides, with the horizontal range rho, and its
+continuation on the caps above and below 45 degrees. The planar range is rho on the sides and |z| on
+the caps. Within a column, 1 / planar range of a plane is linear in the pseudo-elevation:
+interpolation between two beams is exact on walls and on the ground. A pixel holds
 
-    > 0    rho of a surface: its neighbours agree with it
-    < 0    minus rho of a volumetric return: its neighbours disagree (leaves, wires, edges, lone
-           returns, ground at grazing incidence where one beam ends much farther than the next)
+    > 0    planar range of a surface: its neighbours agree with it
+    < 0    minus the planar range of a volumetric return: its neighbours disagree (leaves, wires,
+           edges, lone returns, ground at grazing incidence where one beam ends much farther than
+           the next)
     0      unobserved: no beam, or a beam without a return. Never "free"
 
 Between two beams of a column the surface is interpolated where their ranges lie on one surface.
 Where they jump, each return extends over half of the gap. A return at the border of a larger gap
-extends over 0.6 beam spacings.
+extends over 0.6 beam spacings. A column that a beam missed, between two columns that it hit, takes
+the nearer range of the two.
 """
 
 from dataclasses import dataclass
@@ -25,7 +29,7 @@ from intervis.sight.kernels.rasterize import beam_spacings, quantize, rasterize,
 from intervis.sight.sensor import Sensor
 
 STEPS_PER_COLUMN = 1.0
-"""Azimuth steps in a column: each beam then has a return in each column."""
+"""Azimuth steps in a column."""
 ROWS_PER_BEAM = 3.0
 """Rows per spacing of the densest beams."""
 _MAX_UNITS = 32767.0
@@ -39,19 +43,19 @@ would coarsen the unit of all pixels."""
 
 @dataclass(frozen=True, eq=False)
 class RangeImage:
-    """Surface range over azimuth and tan(elevation).
+    """Surface range over azimuth and pseudo-elevation.
 
     Attributes
     ----------
     pixels : (C, R) int16 array
-        Signed horizontal range in units, see the module's text. Column by column, because a sight
+        Signed planar range in units, see the module's text. Column by column, because a sight
         line mostly moves along a column.
     unit_m : float
-        Metres per unit: the largest range divided by 32767, millimetres.
+        Metres per unit: the largest planar range divided by 32767, millimetres.
     elevation_from, elevation_step : float
-        Row r lies at z / rho = elevation_from + r elevation_step.
+        Row r lies at the pseudo-elevation elevation_from + r elevation_step.
     ground_m : (G, G) float32 array
-        Ground map around the sensor, see `intervis.sight.ground_map`.
+        Ground map around the sensor in the scene's axes, see `intervis.sight.ground_map`.
     returns : int
         Number of returns used.
     """
