@@ -18,7 +18,7 @@ from intervis.sight.kernels.packed_scans import (
     MAX_INTERPOLATED_JUMP,
     PackedScans,
 )
-from intervis.sight.kernels.terrain import CELL_M, CELLS
+from intervis.sight.kernels.terrain import BORDER_M, CELL_M, CELLS
 from intervis.sight.occupancy_model import MODEL
 
 
@@ -288,7 +288,7 @@ def _in_sensor_frame(scans: PackedScans, k: int, points: Float64Array) -> Float6
 
 def _height_above_ground(scans: PackedScans, k: int, points: Float64Array) -> Float64Array:
     from_sensor = points - scans.position[k]
-    cell = np.floor(from_sensor[:, :2] / CELL_M).astype(int) + CELLS // 2
+    cell = np.floor((from_sensor[:, :2] + BORDER_M) / CELL_M).astype(int) + CELLS // 2
     a, b = np.clip(cell, 0, CELLS - 1).T
     return np.asarray(from_sensor[:, 2] - scans.ground[k][a, b])
 

@@ -39,7 +39,7 @@ from intervis.sight.kernels.packed_scans import (
 )
 from intervis.sight.kernels.parameters import Parameters
 from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
-from intervis.sight.kernels.terrain import CELL_M, CELLS
+from intervis.sight.kernels.terrain import BORDER_M, CELL_M, CELLS
 
 
 @kernel
@@ -186,7 +186,7 @@ def compute_heights(
     """Heights of the samples above the nearest scan's ground; `ground` holds all ground maps."""
     samples, places = batch.samples, batch.places
     offsets, chosen, count = batch.offsets, batch.chosen, len(first)
-    per_m, half = 1.0 / CELL_M, 0.5 * CELLS * CELL_M
+    per_m, half = 1.0 / CELL_M, 0.5 * CELLS * CELL_M + BORDER_M
     for i in range(count):
         begin, end = offsets[i, 0], offsets[i, 2]
         place, height = places[PLACE, begin:end], samples[HEIGHT, begin:end]

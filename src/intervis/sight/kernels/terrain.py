@@ -8,6 +8,8 @@ from intervis.kernels import kernel
 CELL_M = 1.0
 CELLS = 128
 """The map has CELLS x CELLS square cells around the sensor."""
+BORDER_M = 1e-7
+"""A point on the border of two cells, give or take rounding, belongs to the upper one."""
 MAX_RISE = 0.15
 """Slope above which a rise is an object on the ground, not ground."""
 MAX_GAP_CELLS = 8
