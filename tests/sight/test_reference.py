@@ -40,8 +40,8 @@ def random_lines(rng: np.random.Generator, count: int):
     b[kind == 3, 2] += 40.0  # up into the sky
     b[kind == 4] *= 30.0  # beyond every range
     b[kind == 5] = a[kind == 5]  # the target is the viewpoint
-    # Both ends equally far from the first sensor. Mirrored in a diagonal: on the x axis, where range
-    # images begin and end, rounding decides between the first and the last column.
+    # Both ends equally far from the first sensor. Mirrored in a diagonal: on the x axis, where
+    # range images begin and end, rounding decides between the first and the last column.
     b[kind == 8] = a[kind == 8][:, [1, 0, 2]]
     b[kind == 6] = a[kind == 6] + rng.normal(0, 0.3, (int((kind == 6).sum()), 3))
     return a, b
