@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.sight import Scene
 from intervis.transform import inverse, transform
 
@@ -44,7 +45,7 @@ def note(benchmark, question, **more):
     benchmark.extra_info.update(more)
 
 
-@pytest.sample.benchmark(group="a scan made ready")
+@pytest.mark.benchmark(group="a scan made ready")
 def test_scan_to_scene(benchmark, question):
     """To reach: 20 ms."""
     Scene.from_scan(question.scans[0], question.poses[0])
@@ -52,20 +53,20 @@ def test_scan_to_scene(benchmark, question):
     note(benchmark, question, bytes=scene.bytes)
 
 
-@pytest.sample.benchmark(group="a scan made ready")
+@pytest.mark.benchmark(group="a scan made ready")
 def test_rival_scan_to_tree(benchmark, question):
     """Delaunay triangles over the scan's directions, and Embree's tree over them."""
     triangulated = rival()
 
     def run():
-        return triangulated.caster_of(triangulated.surface(question.scans[0], 0.2))
+        return RayCaster(triangulated.surface(question.scans[0], 0.2))
 
     caster = benchmark.pedantic(run, rounds=3)
-    note(benchmark, question, caster=caster.name)
+    note(benchmark, question, caster=type(caster).__name__)
 
 
-@pytest.sample.benchmark(group="all sight lines of a viewpoint")
-@pytest.sample.parametrize("scans", [1, MAX_SCANS])
+@pytest.mark.benchmark(group="all sight lines of a viewpoint")
+@pytest.mark.parametrize("scans", [1, MAX_SCANS])
 def test_sight_lines(benchmark, question, scans):
     """To reach, with one scan: 40 ms on two cores."""
     scene = Scene()
@@ -76,14 +77,12 @@ def test_sight_lines(benchmark, question, scans):
     note(benchmark, question, visible=float((sight.state == 1).mean()))
 
 
-@pytest.sample.benchmark(group="all sight lines of a viewpoint")
-@pytest.sample.parametrize("scans", [1, MAX_SCANS])
+@pytest.mark.benchmark(group="all sight lines of a viewpoint")
+@pytest.mark.parametrize("scans", [1, MAX_SCANS])
 def test_rival_casts(benchmark, question, scans):
     """Whether each line is blocked, no more: one surface, or the votes of seven."""
     triangulated = rival()
-    casters = [
-        triangulated.caster_of(triangulated.surface(scan, 0.2)) for scan in question.scans[:scans]
-    ]
+    casters = [RayCaster(triangulated.surface(scan, 0.2)) for scan in question.scans[:scans]]
     viewpoint, targets = question.viewpoint, question.targets
     slack_m = 0.3 + 0.02 * np.linalg.norm(targets - viewpoint, axis=1)
 
@@ -98,7 +97,7 @@ def test_rival_casts(benchmark, question, scans):
 
     run()
     blocked = benchmark(run)
-    note(benchmark, question, blocked=float((blocked > 0).mean()), caster=casters[0].name)
+    note(benchmark, question, blocked=float((blocked > 0).mean()), caster=type(casters[0]).__name__)
 
 
 def rival():
