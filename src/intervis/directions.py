@@ -16,6 +16,22 @@ def directions(points: Float64Array) -> tuple[Float64Array, Float64Array]:
     return unit, range_m
 
 
+def tangents(unit: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Two unit vectors (K, 3) each, across unit vectors (K, 3) and across each other.
+
+    Examples
+    --------
+    >>> across, up = tangents(np.array([[0.6, 0.0, 0.8]]))
+    >>> across.round(3), up.round(3)
+    (array([[-0.8,  0. ,  0.6]]), array([[ 0., -1.,  0.]]))
+    """
+    # The coordinate axis farthest from the direction is never parallel to it.
+    axis = np.eye(3)[np.argmin(np.abs(unit), axis=1)]
+    across = np.cross(unit, axis)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    return across, np.cross(unit, across)
+
+
 def chord(angle_deg: float) -> float:
     """Distance of two unit vectors that enclose an angle."""
     return float(2.0 * np.sin(np.radians(angle_deg) / 2.0))

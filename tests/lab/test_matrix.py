@@ -1,10 +1,13 @@
 """The matrix on a wall whose lines are labelled by hand."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
 from intervis.errors import SettingsError
 from intervis.lab.cli.matrix import matrix
+from intervis.lab.truth.label_check import check_labels
 from intervis.lab.truth.matrix import cells, evaluate_cells, exact_lines, honestly_answerable
 from intervis.lab.worlds.beam_pattern import PATTERNS
 from intervis.lab.worlds.places import PLACES
@@ -49,6 +52,22 @@ def test_a_cell_is_scored() -> None:
     assert 0 < result.own_returns <= 1
     assert 0 <= result.answerable <= 1
     assert set(result.by_kind) == {"returns", "beam points", "anywhere"}
+
+
+def test_labels_of_surrounding_returns_are_right_and_others_are_not() -> None:
+    checks = {(c.reference, c.surrounded): c for c in islice(check_labels(), 4)}
+    coarse, dense = "tilted, coarse", "level, dense"
+    assert {check.world for check in checks.values()} == {"street"}
+    assert checks[coarse, False].occluded_right < 0.9
+    for reference in (coarse, dense):
+        assert checks[reference, True].occluded_right > 0.98
+        assert checks[reference, True].visible_right > 0.995
+        assert 0 < checks[reference, True].occluded < checks[reference, False].occluded
+
+
+def test_the_check_of_labels_takes_no_names() -> None:
+    with pytest.raises(SettingsError, match="leave out the names"):
+        matrix(scanners="vlp-16", labels=True)
 
 
 def test_an_unknown_name_is_refused() -> None:

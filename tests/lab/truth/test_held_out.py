@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from intervis.errors import PointsError, PoseError
 from intervis.lab.truth.held_out import (
     DRIVE_RULE,
     SILHOUETTES_VISIBLE,
     HeldOutLabels,
+    LabelRule,
     beam_spacing_deg,
     held_out_labels,
     rule_for_scanner,
@@ -244,3 +246,59 @@ def test_silhouettes(beam_ranges, labelled, unlabelled):
     point, beams = at(0, 20.0), [at(0, r) for r in beam_ranges]
     assert label(point, beams, SILHOUETTES_VISIBLE) is labelled
     assert label(point, beams) is unlabelled
+
+
+@pytest.mark.parametrize(
+    ("beams", "expected"),
+    [
+        # Directions of returns around the point at (0, 0), degrees, and their ranges; the point is
+        # 20 m away, so that all of them are nearer by more than 1.4 m.
+        ([(-0.1, -0.1, 10.0), (0.1, -0.1, 10.0), (0.0, 0.1, 10.0)], False),
+        ([(-0.1, -0.1, 10.0), (0.1, -0.1, 10.0), (0.0, -0.05, 10.0)], None),  # all below it
+        ([(-0.1, 0.02, 10.0), (0.1, 0.02, 10.0), (0.0, 0.1, 10.0)], None),  # all above it
+        ([(-0.1, -0.1, 10.0), (0.1, 0.1, 10.0)], None),  # on a line through it, but none beside
+        ([(-0.1, -0.1, 10.0), (0.1, -0.1, 10.9), (0.0, 0.1, 10.0)], False),
+        ([(-0.1, -0.1, 10.0), (0.1, -0.1, 11.1), (0.0, 0.1, 10.0)], None),  # two objects
+        ([(-0.1, -0.1, 10.0), (0.1, -0.1, 10.0), (0.0, 0.1, 20.0)], None),  # one is not nearer
+    ],
+)
+def test_occluding_returns_surround_the_point(beams, expected):
+    scan = np.array([at(0.0, 20.0)])
+    reference = np.array([at(azimuth, r, elevation) for azimuth, elevation, r in beams])
+    rule = LabelRule(surrounded=True, label_silhouettes=False)
+    labels = held_out_labels(scan, np.eye(4), reference, np.eye(4), rule)
+    found = bool(labels.visible[0]) if len(labels.index) else None
+    assert found is expected
+
+
+def test_surrounding_does_not_hang_on_the_direction(rng):
+    """Turned about any axis, the same returns give the same labels."""
+    around = [(-0.1, -0.1, 10.0), (0.1, -0.1, 10.0), (0.0, 0.1, 10.0)]
+    aside = [(-0.1, 0.02, 10.0), (0.1, 0.02, 10.0), (0.0, 0.1, 10.0)]
+    for beams, count in ((around, 1), (aside, 0)):
+        reference = np.array([at(azimuth, r, elevation) for azimuth, elevation, r in beams])
+        for turn in Rotation.random(50, rng).as_matrix():
+            scan = np.array([at(0.0, 20.0)]) @ turn.T
+            labels = held_out_labels(
+                scan, np.eye(4), reference @ turn.T, np.eye(4), LabelRule(surrounded=True)
+            )
+            assert len(labels.index) == count
+
+
+def test_ground_beyond_the_last_beam_is_not_occluded():
+    """The ground between two rows, and beyond the last row with returns, is visible."""
+    height_m, rows_deg = 1.5, np.arange(2.0, 40.0, 1.4)
+    azimuth = np.arange(-20.0, 20.0, 0.6)
+    reference = np.array(
+        [at(a, height_m / np.sin(np.radians(e)), -e) for e in rows_deg for a in azimuth]
+    )
+    ground = np.array([[x, 0.3, -height_m] for x in np.arange(5.0, 60.0, 0.1)])
+    by_any = held_out_labels(
+        ground, np.eye(4), reference, np.eye(4), rule_for_scanner(reference, surrounded=False)
+    )
+    by_surrounding = held_out_labels(
+        ground, np.eye(4), reference, np.eye(4), rule_for_scanner(reference)
+    )
+    assert (~by_any.visible).sum() > 50
+    assert len(by_surrounding.index) > 20
+    assert by_surrounding.visible.all()

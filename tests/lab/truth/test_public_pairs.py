@@ -16,7 +16,7 @@ from intervis.lab.truth.labelled_targets import HeldOutSettings
 from intervis.lab.truth.methods import baseline_methods
 from intervis.lab.truth.scanner_set import read_scanners
 from intervis.lab.truth.scores import score
-from intervis.lab.truth.together import evaluate_together
+from intervis.lab.truth.together import evaluate_together, together_query_sets
 
 PAIRS = ((0, 5), (0, 10), (0, 20), (10, 2), (5, 21), (20, 5))
 
@@ -150,8 +150,17 @@ def test_two_scanners_of_one_moment(scanners):
         for method in baseline_methods(several_scans=False)
         if method.setting == "radius 1000 x farthest"
     ]
-    (result,) = evaluate_together(scanners, methods=methods).results
+    (result,) = evaluate_together(scanners, methods=methods, surrounded=False).results
     assert result.labels == ["roof:left", "left:roof", "roof:right", "right:roof"]
     known = [0.855, 0.483, 0.769, 0.511]
     assert [scores.mcc for scores in result.scores] == pytest.approx(known, abs=0.02)
     assert [scores.count for scores in result.scores] == [24905, 1278, 25742, 1195]
+
+
+def test_surrounding_returns_leave_labels_out_and_change_none(scanners):
+    by_any = together_query_sets(scanners, surrounded=False)
+    for every, some in zip(by_any, together_query_sets(scanners), strict=True):
+        visible = dict(zip(map(tuple, every.targets), every.visible, strict=True))
+        assert all(visible[tuple(t)] == v for t, v in zip(some.targets, some.visible, strict=True))
+        assert some.visible.sum() == every.visible.sum()
+        assert 0 < (~some.visible).sum() < (~every.visible).sum()

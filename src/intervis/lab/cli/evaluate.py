@@ -80,6 +80,15 @@ def evaluate(
             help="Label points at silhouettes visible, as earlier results did.",
         ),
     ] = False,
+    any_occluder: Annotated[
+        bool,
+        typer.Option(
+            "--any-occluder",
+            help="With --protocol together: label points occluded where all nearby returns are"
+            " nearer, even if they do not surround the point. Most such labels of coarse beams"
+            " are wrong.",
+        ),
+    ] = False,
     baselines: Annotated[
         bool, typer.Option("--rivals", help="Evaluate the baselines too, at several settings.")
     ] = False,
@@ -115,7 +124,9 @@ def evaluate(
     if protocol == TOGETHER:
         if graph:
             raise SettingsError("--graph needs a drive; leave it out with --protocol together.")
-        evaluations, identity = _together(source, pairs, frame, targets, baselines)
+        evaluations, identity = _together(
+            source, pairs, frame, targets, not any_occluder, baselines
+        )
         graphs: dict[str, list[GraphScore]] = {}
     else:
         rule = SILHOUETTES_VISIBLE if count_silhouettes else DRIVE_RULE
@@ -162,7 +173,7 @@ def _drive(
 
 
 def _together(
-    source: str, pairs: str | None, frame: str, targets: str, baselines: bool
+    source: str, pairs: str | None, frame: str, targets: str, surrounded: bool, baselines: bool
 ) -> "tuple[list[EvaluationResult], dict[str, Any]]":
     """The evaluation of several scanners of one moment, and their fingerprint."""
     from intervis.lab.truth.evaluation import methods_for
@@ -174,7 +185,12 @@ def _together(
     methods = methods_for("single", baselines=baselines)
     with progress("answers", len(scanners.pairs) * len(methods)) as advance:
         result = evaluate_together(
-            scanners, frame=checked, targets=kind, methods=methods, progress=advance
+            scanners,
+            frame=checked,
+            targets=kind,
+            surrounded=surrounded,
+            methods=methods,
+            progress=advance,
         )
     return [result], scanners.fingerprint()
 

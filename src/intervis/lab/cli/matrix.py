@@ -20,6 +20,13 @@ def matrix(
     worlds: Annotated[str | None, typer.Option(help="Names, comma-separated.")] = None,
     lines: Annotated[int, typer.Option(metavar="N", help="Sight lines of each cell.")] = 1500,
     seed: Annotated[int, typer.Option(metavar="S", help="Seed of worlds, sites and lines.")] = 0,
+    labels: Annotated[
+        bool,
+        typer.Option(
+            "--labels",
+            help="Check the labels of --protocol together in these worlds instead of the engine.",
+        ),
+    ] = False,
 ) -> None:
     """Score the engine in generated worlds for each scanner and mount."""
     from intervis.files import write_bytes
@@ -30,6 +37,11 @@ def matrix(
 
     if lines < 3 or seed < 0:
         raise SettingsError(f"--lines must be 3 or more and --seed 0 or more, got {lines}, {seed}.")
+    if labels:
+        if scanners or mounts or worlds:
+            raise SettingsError("--labels takes all worlds and two scanners: leave out the names.")
+        _check_labels(seed, out)
+        return
     chosen = cells(
         _names("--scanners", scanners, PATTERNS),
         _names("--mounts", mounts, MOUNTS),
@@ -50,6 +62,22 @@ def matrix(
         body = {"lines": lines, "seed": seed, "cells": [result.to_json() for result in results]}
         write_bytes(out / "matrix.json", (json.dumps(body, indent=1) + "\n").encode())
         write_bytes(out / "matrix.md", table.as_markdown().encode())
+
+
+def _check_labels(seed: int, out: Path | None) -> None:
+    from intervis.files import write_bytes
+    from intervis.lab.truth.label_check import check_labels, label_table
+    from intervis.lab.worlds.places import PLACES
+
+    checks = []
+    with progress("labels", 4 * len(PLACES)) as advance:
+        for check in check_labels(seed=seed):
+            checks.append(check)
+            advance(check.world)
+    table = label_table(checks)
+    show(table.as_text())
+    if out is not None:
+        write_bytes(out / "labels.md", table.as_markdown().encode())
 
 
 def _names(option: str, text: str | None, known: Iterable[str]) -> list[str] | None:

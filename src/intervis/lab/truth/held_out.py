@@ -4,6 +4,12 @@ Scan i is the input, pose j the viewpoint, scan j the reference. A point of scan
 from pose j where a return of scan j lies on it. It is *occluded* where all beams of scan j in its
 direction end well before it. In all other cases it has no label: between the beams, at a
 silhouette, or where a beam ends farther away.
+
+Where the beams of scan j are far apart, this is not enough for "occluded": seen at a grazing angle,
+the ground below a point is nearer than the point by more than any tolerance, and the beams above it
+may have no return. In exact worlds most such labels are wrong (`intervis.lab.truth.label_check`).
+With `LabelRule.surrounded` the nearer returns must surround the point's direction and lie at about
+one range.
 """
 
 from dataclasses import dataclass
@@ -19,7 +25,7 @@ from intervis.arrays import (
     checked_points,
     finite_rows,
 )
-from intervis.directions import chord, directions, nearest_directions
+from intervis.directions import chord, directions, nearest_directions, tangents
 from intervis.transform import checked_pose, inverse, transform
 
 NEIGHBOUR_COUNT = 8
@@ -32,6 +38,9 @@ range."""
 BEFORE_M, BEFORE_FRACTION = 1.0, 0.02
 """A return occludes the point where it ends earlier by more than this, plus a fraction of the
 range."""
+SURROUNDING_RANGES = 1.1
+"""Ranges of surrounding returns differ by at most this factor: they lie on one object, not on the
+ground and an object before it."""
 NEAREST_SPACINGS, NEIGHBOUR_SPACINGS = 0.8, 1.3
 """Angles of `rule_for_scanner`, in beam spacings of the reference scanner."""
 SCANNER_RANGE_M = (1.5, 75.0)
@@ -58,6 +67,10 @@ class LabelRule:
         Whether a point is labelled visible although another of its returns is nearer by more than
         1 m. Such a point lies at the silhouette of a nearer object: some beams end on the object,
         some on the point. The returns do not show which holds for the point.
+    surrounded : bool
+        Whether a point is labelled occluded only where nearer returns lie on all sides of its
+        direction, no two neighbours more than 180 degrees apart as seen from it, at ranges that
+        differ by at most 10 %.
     """
 
     nearest_angle_deg: float = 0.15
@@ -65,6 +78,7 @@ class LabelRule:
     min_range_m: float = 2.7
     max_range_m: float = 75.0
     label_silhouettes: bool = False
+    surrounded: bool = False
 
 
 DRIVE_RULE = LabelRule()
@@ -99,12 +113,12 @@ def beam_spacing_deg(points: FloatArray) -> float:
     return float(np.degrees(2 * np.arcsin(median / 2))) if np.isfinite(median) else float("nan")
 
 
-def rule_for_scanner(points_j: FloatArray) -> LabelRule:
+def rule_for_scanner(points_j: FloatArray, *, surrounded: bool = True) -> LabelRule:
     """The rule for two scanners at one moment: angles in beam spacings of the reference scanner.
 
     With spacing s (`beam_spacing_deg`), the nearest return must lie within max(0.15, 0.8 s)
     degrees, and returns within max(0.25, 1.3 s) degrees are used. Points at 1.5 to 75 m have
-    labels.
+    labels. Occluded points are surrounded by nearer returns, see `LabelRule`.
     """
     spacing_deg = float(np.nan_to_num(beam_spacing_deg(points_j)))
     return LabelRule(
@@ -112,6 +126,7 @@ def rule_for_scanner(points_j: FloatArray) -> LabelRule:
         neighbour_angle_deg=max(DRIVE_RULE.neighbour_angle_deg, NEIGHBOUR_SPACINGS * spacing_deg),
         min_range_m=SCANNER_RANGE_M[0],
         max_range_m=SCANNER_RANGE_M[1],
+        surrounded=surrounded,
     )
 
 
@@ -206,6 +221,11 @@ def held_out_labels(
     )
     beam_range = np.append(range_j[beams], np.inf)[row]  # row == len(beams): no neighbour
     visible, occluded = _classify(distance, beam_range, range_i[query], rule)
+    if rule.surrounded:
+        some = np.flatnonzero(occluded)
+        occluded[some] = surrounded(
+            direction_i[query[some]], direction_j[beams], range_j[beams], row[some]
+        )
     labelled = visible | occluded
     query = query[labelled]
     return HeldOutLabels(row_i[query], visible[labelled], viewpoint_i, range_i[query])
@@ -236,3 +256,28 @@ def _classify(
     enough = exists.sum(axis=1) >= MIN_OCCLUDERS
     occluded = near_enough & enough & (before | ~exists).all(axis=1)
     return visible, occluded
+
+
+def surrounded(
+    direction: Float64Array,
+    beam_direction: Float64Array,
+    beam_range: Float64Array,
+    row: IntArray,
+) -> BoolArray:
+    """Whether returns lie on all sides of directions (K, 3), at ranges that differ by 10 % at most.
+
+    `beam_direction` (M, 3) and `beam_range` (M,) are the returns, `row` (K, 8) those around each
+    direction, the nearest first and M where there is none, as of `nearest_directions`.
+    """
+    exists = row < len(beam_range)
+    neighbours = np.append(beam_direction, np.zeros((1, 3)), axis=0)[row]
+    range_m = np.append(beam_range, np.nan)[row]
+    across, up = tangents(direction)
+    bearing = np.arctan2(
+        np.einsum("knd,kd->kn", neighbours, up), np.einsum("knd,kd->kn", neighbours, across)
+    )
+    # A missing neighbour repeats the first one, which is the nearest.
+    bearing = np.sort(np.where(exists, bearing, bearing[:, :1]), axis=1)
+    turn = np.diff(bearing, axis=1, append=bearing[:, :1] + 2.0 * np.pi)
+    one_range = np.nanmax(range_m, axis=1) <= SURROUNDING_RANGES * np.nanmin(range_m, axis=1)
+    return np.asarray((turn < np.pi).all(axis=1) & one_range)

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray, finite_rows
-from intervis.directions import chord, directions, nearest_directions
+from intervis.directions import chord, directions, nearest_directions, tangents
 from intervis.lab.truth.held_out import (
     MIN_OCCLUDERS,
     NEIGHBOUR_COUNT,
     SAME_FRACTION,
     SAME_M,
     LabelRule,
+    surrounded,
 )
 
 SPACE_COUNT = 30_000
@@ -54,7 +55,8 @@ def space_points(
     of which the nearest must be within ``nearest_angle_deg``:
 
     - visible: all have ``range > r + 0.15 + 0.01 r``;
-    - occluded: there are at least two, and all have ``range < r - (0.15 + 0.01 r)``;
+    - occluded: there are at least two, and all have ``range < r - (0.15 + 0.01 r)`` (and they
+      surround the direction, if the rule says so);
     - other points are left out: at a surface, or at a silhouette.
 
     Parameters
@@ -91,17 +93,16 @@ def space_points(
     visible = near_enough & ((ends > r + margin) | ~exists).all(axis=1)
     occluded = near_enough & ((ends < r - margin) | ~exists).all(axis=1)
     occluded &= exists.sum(axis=1) >= MIN_OCCLUDERS
+    if rule.surrounded:
+        some = np.flatnonzero(occluded)
+        occluded[some] = surrounded(query[some], beams, beams_m, row[some])
     labelled = visible | occluded
     return SpacePoints((r * query)[labelled], visible[labelled])
 
 
 def _turned(unit: Float64Array, angle_deg: float, rng: np.random.Generator) -> Float64Array:
     """Unit vectors (K, 3) turned by up to an angle along each of two axes across them."""
-    # The coordinate axis farthest from the direction is never parallel to it.
-    axis = np.eye(3)[np.argmin(np.abs(unit), axis=1)]
-    first = np.cross(unit, axis)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    second = np.cross(unit, first)
+    first, second = tangents(unit)
     shift = np.tan(np.radians(rng.uniform(-angle_deg, angle_deg, (2, len(unit), 1))))
     turned = unit + shift[0] * first + shift[1] * second
     return np.asarray(turned / np.linalg.norm(turned, axis=1)[:, None])

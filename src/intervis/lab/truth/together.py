@@ -36,6 +36,7 @@ def evaluate_together(
     *,
     frame: str = "scene",
     targets: str = "returns",
+    surrounded: bool = True,
     baselines: bool = False,
     progress: Progress | None = None,
     methods: Sequence[Method] | None = None,
@@ -54,6 +55,9 @@ def evaluate_together(
         the known scanner, with the identity as its pose, so that a method is not told the tilt.
     targets : {"returns", "space"}
         As in `evaluate_held_out`.
+    surrounded : bool
+        Whether a label "occluded" needs nearer returns on all sides (`LabelRule`). Without it, most
+        such labels of a reference scanner with coarse beams are wrong.
     baselines, progress, methods
         As in `evaluate_held_out`.
 
@@ -65,12 +69,16 @@ def evaluate_together(
         No such frame or targets.
     """
     results, labels, target_count = run_methods(
-        together_query_sets(scanners, checked_frame(frame), checked_targets(targets)),
+        together_query_sets(
+            scanners, checked_frame(frame), checked_targets(targets), surrounded=surrounded
+        ),
         methods or methods_for("single", baselines=baselines),
         progress or silent,
     )
     ground_truth = f"a second scanner, queries in the frame of the {frame}"
     ground_truth += targets_suffix(targets)
+    if not surrounded:
+        ground_truth += ", occluded by any nearer returns"
     return EvaluationResult(scanners.name, ground_truth, TOGETHER, labels, target_count, results)
 
 
@@ -89,7 +97,11 @@ def checked_frame(name: str) -> QueryFrame:
 
 
 def together_query_sets(
-    scanners: ScannerSet, frame: QueryFrame = "scene", kind: TargetKind = "returns"
+    scanners: ScannerSet,
+    frame: QueryFrame = "scene",
+    kind: TargetKind = "returns",
+    *,
+    surrounded: bool = True,
 ) -> QuerySets:
     """One query set for each pair of scanners; see `evaluate_together`."""
     for names in scanners.pairs:
@@ -99,7 +111,7 @@ def together_query_sets(
             kind,
             (known.points, known.pose),
             (reference.points, reference.pose),
-            rule_for_scanner(reference.points),
+            rule_for_scanner(reference.points, surrounded=surrounded),
             numbers,
         )
         if len(targets) == 0:
