@@ -2,7 +2,8 @@
 
 Traffic, people and parked cars occupy the lowest two metres. The prior that unobserved space is
 occupied therefore depends on the height above ground. The ground is known only in cells with
-returns and between such cells: a slope that nobody saw is no ground.
+returns and between such cells: a slope that nobody saw is no ground. Elsewhere the map holds an
+assumption for the prior alone: the height of the nearest known cell, marked by an offset.
 """
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from intervis.arrays import Float32Array, Float64Array
 from intervis.sight.kernels.terrain import (
     CELLS,
+    assume_ground,
     interpolate,
     lowest_returns,
     remove_below_nearer,
@@ -30,8 +32,9 @@ def ground_map_of(points_level: Float64Array) -> Float32Array:
     -------
     (CELLS, CELLS) float32 array
         Metres in the same frame, on cells of `kernels.terrain.CELL_M`. Row a covers x from
-        (a - CELLS / 2) CELL_M on, column b the same in y. NaN where the scan does not show the
-        ground.
+        (a - CELLS / 2) CELL_M on, column b the same in y. Where the scan does not show the ground:
+        that of the nearest cell where it does, minus `kernels.terrain.ASSUMED_OFFSET_M`; NaN if
+        there is none.
 
     Examples
     --------
@@ -48,4 +51,5 @@ def ground_map_of(points_level: Float64Array) -> Float32Array:
     known = np.isfinite(height)
     slope_filter(height)
     interpolate(height, known)
+    assume_ground(height)
     return height

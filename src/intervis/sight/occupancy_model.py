@@ -20,8 +20,9 @@ height h above ground is occupied are
 
     log_odds = height_log_odds(h) + sum over scans k of weight_k depth_log_odds(d_k)
 
-where h counts along gravity, the scene's z axis, from the nearest scan's ground, and
-`unknown_height_log_odds` stands in where that scan does not show the ground;
+where h counts along gravity, the scene's z axis, from the nearest scan's ground. Where that scan
+does not show the ground, `assumed_height_log_odds` of the height above the nearest ground that it
+shows stands in, and `unknown_height_log_odds` if it shows none;
 weight_k (`scan_weights`) decays with the rank of the scan. `depth_log_odds` has one curve for
 surfaces and one for volumetric returns (`range_image`: leaves, wires, edges).
 
@@ -43,6 +44,10 @@ nearest scan saw free get log_odds <= `DYNAMIC_FREE_LOG_ODDS`.
 occupancy P(occupied) = 1 / (1 + exp(-log_odds)), the optical depth of the line is
 
     x = BASE_OPTICAL_DEPTH + sum over samples of ATTENUATION_PER_M occupancy step
+        + END_OCCLUDED_DEPTH e ** END_OCCLUDED_POWER
+
+Here e is the length, in metres, of the occluded space that reaches an end of the line (of both ends,
+if both do): such an end may lie inside a solid body.
 
 A sample more than `BELOW_GROUND_M` below the nearest scan's ground, and free in no scan, attenuates
 by `BELOW_GROUND_ATTENUATION_PER_M` instead, whatever its log-odds.
@@ -112,6 +117,8 @@ CORRELATION: float = FITTED["correlation"]
 AGE_COST_M_PER_S = 20.0
 ATTENUATION_PER_M: float = FITTED["attenuation_per_m"]
 BASE_OPTICAL_DEPTH: float = FITTED["base_optical_depth"]
+END_OCCLUDED_DEPTH: float = FITTED["end_occluded_depth"]
+END_OCCLUDED_POWER: float = FITTED["end_occluded_power"]
 # The ground map is uncertain by less than this. Two samples below ground block a line.
 BELOW_GROUND_M, BELOW_GROUND_ATTENUATION_PER_M = 0.5, 4.0
 SHARPNESS: float = FITTED["sharpness"]
@@ -125,8 +132,6 @@ APPEARED: float = FITTED["appeared"]
 """Change fractions after a long time if several scans contribute."""
 # Below 0.5, so that P(visible) still rises with Q.
 MAX_CHANGED = 0.45
-# Time between scan and query that is assumed without a query time.
-DEFAULT_TIME_GAP_S = 1.0
 VISIBLE_MIN_PROBABILITY: float = FITTED["visible_min_probability"]
 OCCLUDED_MIN_SURFACE: float = FITTED["occluded_min_surface"]
 # What "visible" demands beside its probability: unobserved space is rarely occupied, so the
@@ -154,7 +159,7 @@ DYNAMIC_OCCUPIED_LOG_ODDS, DYNAMIC_FREE_LOG_ODDS = 1.5, -3.0
 # Sampling of the curves for the kernels: 5 cm, 1/32 in log-odds.
 ENTRIES_PER_M = 20.0
 ENTRIES_PER_LOG_ODDS, LOG_ODDS_FROM, LOG_ODDS_ENTRIES = 32.0, -12.0, 768
-DEPTH_FROM_M, HEIGHT_FROM_M = -4.0, -0.5
+DEPTH_FROM_M, HEIGHT_FROM_M, ASSUMED_FROM_M = -4.0, -0.5, -8.0
 
 
 def scan_weights(
@@ -183,12 +188,14 @@ def _entry_centres(start: float, last: float) -> Float64Array:
 
 def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
     """The occupancy model with these fitted numbers, for engine and reference implementation."""
-    numbers = {name: globals()[name.upper()] for name in Parameters._fields} | {
+    numbers = {name: globals().get(name.upper()) for name in Parameters._fields} | {
         name: value for name, value in fitted.items() if name in Parameters._fields
     }
-    parameters = Parameters(**{name: float(value) for name, value in numbers.items()})
     depth_m = _entry_centres(DEPTH_FROM_M, fitted["depth_m"][-1])
     height_m = _entry_centres(HEIGHT_FROM_M, fitted["height_m"][-1])
+    assumed_m = _entry_centres(ASSUMED_FROM_M, fitted["assumed_height_m"][-1])
+    numbers["known_height_entries"] = len(height_m)
+    parameters = Parameters(**{name: float(value) for name, value in numbers.items()})
     log_odds = LOG_ODDS_FROM + (np.arange(LOG_ODDS_ENTRIES) + 0.5) / ENTRIES_PER_LOG_ODDS
     weights = np.zeros((SCANS, SCANS))
     for count in range(1, SCANS + 1):
@@ -206,6 +213,9 @@ def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
             [
                 [fitted["unknown_height_log_odds"]],
                 np.interp(height_m[1:], fitted["height_m"], fitted["height_log_odds"]),
+                np.interp(
+                    assumed_m, fitted["assumed_height_m"], fitted["assumed_height_log_odds"]
+                ),
             ]
         ),
         occupancies=1.0 / (1.0 + np.exp(-log_odds)),
@@ -236,6 +246,22 @@ def change_fractions(
     appeared = np.where(single_scan, p.appeared_single_scan, p.appeared)
     return np.minimum(disappeared * changed, p.max_changed), np.minimum(
         appeared * changed, p.max_changed
+    )
+
+
+def end_optical_depth(
+    end_occluded_m: ArrayLike, parameters: Parameters = MODEL.parameters
+) -> Float64Array:
+    """Optical depth of occluded space of this length, metres, that reaches an end of a line.
+
+    Examples
+    --------
+    >>> bool((np.diff(end_optical_depth([0.0, 1.0, 5.0])) > 0).all())
+    True
+    """
+    return np.asarray(
+        parameters.end_occluded_depth
+        * np.asarray(end_occluded_m, np.float64) ** parameters.end_occluded_power
     )
 
 

@@ -18,15 +18,15 @@ from intervis.sight.kernels.packed_scans import (
     MAX_INTERPOLATED_JUMP,
     PackedScans,
 )
-from intervis.sight.kernels.terrain import BORDER_M, CELL_M, CELLS
+from intervis.sight.kernels.terrain import ASSUMED_OFFSET_M, BORDER_M, CELL_M, CELLS
 from intervis.sight.occupancy_model import MODEL
 
 
 class ReferenceResult(NamedTuple):
     """One line: the three parts of its optical depth, and its unobserved length.
 
-    `occluded_space_m` is the part of `unobserved_m` behind observed surfaces, `length_m` the length
-    of the line. `time_gap_s` is the time between the query and the nearest scan, `scans` the
+    `occluded_space_m` is the part of `unobserved_m` behind observed surfaces, `end_occluded_m` the
+    part of that which reaches an end, `length_m` the length of the line. `time_gap_s` is the time between the query and the nearest scan, `scans` the
     number of scans of the scene.
     """
 
@@ -35,6 +35,7 @@ class ReferenceResult(NamedTuple):
     unobserved: float
     unobserved_m: float
     occluded_space_m: float
+    end_occluded_m: float
     length_m: float
     time_gap_s: float
     scans: int
@@ -42,7 +43,8 @@ class ReferenceResult(NamedTuple):
     @property
     def optical_depth(self) -> float:
         """The sum x of `occupancy_model`."""
-        return model.BASE_OPTICAL_DEPTH + self.free + self.surface + self.unobserved
+        at_end = model.end_optical_depth(self.end_occluded_m)
+        return model.BASE_OPTICAL_DEPTH + self.free + self.surface + self.unobserved + float(at_end)
 
     @property
     def probability(self) -> float:
@@ -70,8 +72,8 @@ class LineSamples(NamedTuple):
 
     `step` is their spacing in metres. `depth`, `is_surface`, `known` are (C, K): depth behind the
     scan's surface, whether that is a surface return, whether the scan observed the direction.
-    `weights` (C,) are the weights of the scans. `height` is the height above ground. The masks
-    `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface`,
+    `weights` (C,) are the weights of the scans. `height` is the height above known ground,
+    `assumed_height` that above assumed ground, NaN where the other one applies. The masks `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface`,
     `behind` (a surface) and `below_ground` classify the samples; `along_end` are those along the
     surface that an end lies on.
     """
@@ -82,6 +84,7 @@ class LineSamples(NamedTuple):
     known: BoolArray
     weights: Float64Array
     height: Float64Array
+    assumed_height: Float64Array
     occupied: BoolArray
     left: BoolArray
     free: BoolArray
@@ -97,7 +100,7 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
     samples, step = _samples(a, b)
     chosen = _chosen_scans(scans, a, b)
     points = [_in_sensor_frame(scans, k, samples) for k in chosen]
-    height = _height_above_ground(scans, chosen[0], samples)
+    height, assumed_height = _height_above_ground(scans, chosen[0], samples)
     each = [_depth_behind_surface(scans, k, p) for k, p in zip(chosen, points, strict=True)]
     depth, is_surface, known = (np.array(values) for values in zip(*each, strict=True))
     occupied, left = _dynamic(scans, a, b, chosen, samples, list(depth), height)
@@ -123,6 +126,7 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
         known=known,
         weights=model.scan_weights(len(chosen)),
         height=height,
+        assumed_height=assumed_height,
         occupied=occupied,
         left=left,
         free=free,
@@ -153,10 +157,19 @@ def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> Re
         float(optical_depth[unobserved].sum()),
         float(line.step * np.count_nonzero(unobserved)),
         float(line.step * np.count_nonzero(unobserved & line.behind)),
+        float(line.step * _count_at_ends(unobserved & line.behind)),
         length_m,
         time_gap_s(scans, a, b),
         len(scans.position),
     )
+
+
+def _count_at_ends(flags: BoolArray) -> int:
+    """Samples that hold the flag, from the first one or the last one on without a break."""
+    if flags.all():
+        return len(flags)
+    first, last = np.flatnonzero(~flags)[[0, -1]]
+    return int(first + len(flags) - 1 - last)
 
 
 def attenuation_per_m(line: LineSamples) -> Float64Array:
@@ -170,8 +183,13 @@ def attenuation_per_m(line: LineSamples) -> Float64Array:
             _read(volumetric_table, line.depth[k], model.DEPTH_FROM_M, model.ENTRIES_PER_M),
         )
         log_odds += np.where(line.known[k], weight * contribution, 0.0)
-    log_odds += _read(
-        MODEL.tables.height_log_odds, line.height, model.HEIGHT_FROM_M, model.ENTRIES_PER_M
+    known, assumed = np.split(
+        MODEL.tables.height_log_odds, [int(MODEL.parameters.known_height_entries)]
+    )
+    log_odds += np.where(
+        np.isnan(line.assumed_height),
+        _read(known, line.height, model.HEIGHT_FROM_M, model.ENTRIES_PER_M),
+        _read(assumed, line.assumed_height, model.ASSUMED_FROM_M, model.ENTRIES_PER_M),
     )
     at_least = np.maximum(log_odds, model.DYNAMIC_OCCUPIED_LOG_ODDS)
     log_odds = np.where(line.occupied, at_least, log_odds)
@@ -189,7 +207,7 @@ def attenuation_per_m(line: LineSamples) -> Float64Array:
 def time_gap_s(scans: PackedScans, a: Float64Array, b: Float64Array) -> float:
     """Time between the query and the scan nearest to the line, seconds."""
     offset_s = float(scans.time_offset_s[_chosen_scans(scans, a, b)[0]])
-    return model.DEFAULT_TIME_GAP_S if np.isnan(offset_s) else abs(offset_s)
+    return 0.0 if np.isnan(offset_s) else abs(offset_s)
 
 
 def _samples(a: Float64Array, b: Float64Array) -> tuple[Float64Array, float]:
@@ -286,11 +304,17 @@ def _in_sensor_frame(scans: PackedScans, k: int, points: Float64Array) -> Float6
     return np.asarray(points @ sensor_from_scene[:, :3].T + sensor_from_scene[:, 3])
 
 
-def _height_above_ground(scans: PackedScans, k: int, points: Float64Array) -> Float64Array:
+def _height_above_ground(
+    scans: PackedScans, k: int, points: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Heights above the known ground, and above the assumed one; NaN where it is the other."""
     from_sensor = points - scans.position[k]
     cell = np.floor((from_sensor[:, :2] + BORDER_M) / CELL_M).astype(int) + CELLS // 2
     a, b = np.clip(cell, 0, CELLS - 1).T
-    return np.asarray(from_sensor[:, 2] - scans.ground[k][a, b])
+    ground = scans.ground[k][a, b].astype(np.float64)
+    height = from_sensor[:, 2] - ground
+    assumed = ground < -0.5 * ASSUMED_OFFSET_M
+    return np.where(assumed, np.nan, height), np.where(assumed, height - ASSUMED_OFFSET_M, np.nan)
 
 
 def _depth_behind_surface(

@@ -118,7 +118,9 @@ def answer_range(
             line, a, b = which[i], first[i], second[i]
             length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
             surface, unobserved = sums.surface[i], sums.unobserved[i]
+            end_m = sums.end_occluded_m[i]
             optical_depth = parameters.base_optical_depth + sums.free[i] + surface + unobserved
+            optical_depth += parameters.end_occluded_depth * end_m**parameters.end_occluded_power
             probability = _probability(optical_depth, sums.time_gap_s[i], single_scan, parameters)
             state = _state(
                 probability,

@@ -24,14 +24,16 @@ from intervis.sight.kernels.batch import (
     Batch,
 )
 from intervis.sight.kernels.parameters import Parameters
+from intervis.sight.kernels.terrain import ASSUMED_OFFSET_M
 
 
 class LineSums(NamedTuple):
     """What the samples of L lines add up to; see `intervis.sight.occupancy_model`.
 
     Optical depth in three parts: `surface`, `free`, `unobserved`. `unobserved_m` is the length
-    that no scan observed, `occluded_space_m` the part of it behind observed surfaces. `time_gap_s`
-    is the time between the query and the nearest scan. `clearance_m` is the smallest gap to a
+    that no scan observed, `occluded_space_m` the part of it behind observed surfaces, and
+    `end_occluded_m` the part of that which reaches an end of the line. `time_gap_s` is the time
+    between the query and the nearest scan, 0 without a query time. `clearance_m` is the smallest gap to a
     surface or the ground (inf: none). `occluder_m` is the distance from the line's first end to the
     sample at a surface with the highest occupancy, `occluder_scan` the scan that observed it (-1:
     none).
@@ -42,6 +44,7 @@ class LineSums(NamedTuple):
     unobserved: Float64Array
     unobserved_m: Float64Array
     occluded_space_m: Float64Array
+    end_occluded_m: Float64Array
     time_gap_s: Float64Array
     clearance_m: Float64Array
     occluder_m: Float64Array
@@ -51,8 +54,21 @@ class LineSums(NamedTuple):
 @kernel
 def new_line_sums(count: int) -> LineSums:
     """Uninitialised sums for so many lines."""
-    v = np.empty((8, count))
-    return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], np.empty(count, np.int64))
+    v = np.empty((9, count))
+    scan = np.empty(count, np.int64)
+    return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], scan)
+
+
+@kernel
+def length_at_ends(flags: Float64Array, begin: int, end: int) -> int:
+    """Samples from either end of a line inwards, up to the first one without the flag."""
+    first = begin
+    while first < end and flags[first] > 0.0:
+        first += 1
+    last = end
+    while last > first and flags[last - 1] > 0.0:
+        last -= 1
+    return first - begin + end - last
 
 
 @kernel
@@ -155,7 +171,7 @@ def add_up(
         if at_surface > 0.0:
             for m in range(begin, end):
                 # Samples below ground have equal occupancy: take the one nearest to its surface.
-                above = height[m] if height[m] == height[m] else -np.inf  # NaN: unknown ground
+                above = height[m] if height[m] < 0.5 * ASSUMED_OFFSET_M else -np.inf
                 if surface[m] > most or (surface[m] == most > 0.0 and above > most_height):
                     most, most_height = surface[m], above
                     most_scan = batch.chosen[i, int(rank[m])]
@@ -165,9 +181,9 @@ def add_up(
         sums.unobserved[at + i] = in_unobserved * attenuation_per_m * step
         sums.unobserved_m[at + i] = samples_unobserved * step
         sums.occluded_space_m[at + i] = samples_occluded * step
+        sums.end_occluded_m[at + i] = length_at_ends(occluded_space, begin, end) * step
         offset_s = time_offset_s[batch.chosen[i, 0]]
-        gap_s = parameters.default_time_gap_s if np.isnan(offset_s) else abs(offset_s)
-        sums.time_gap_s[at + i] = gap_s
+        sums.time_gap_s[at + i] = 0.0 if np.isnan(offset_s) else abs(offset_s)
         sums.clearance_m[at + i] = max(least, 0.0)
         sums.occluder_m[at + i] = most_at * step
         sums.occluder_scan[at + i] = most_scan

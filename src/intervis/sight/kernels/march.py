@@ -34,7 +34,7 @@ from intervis.sight.kernels.line_sums import (
     clear_ends,
 )
 from intervis.sight.kernels.packed_scans import PackedScans, choose_scans
-from intervis.sight.kernels.parameters import OccupancyModel
+from intervis.sight.kernels.parameters import OccupancyModel, Parameters
 from intervis.sight.kernels.samples import (
     accumulate,
     clamped,
@@ -45,6 +45,7 @@ from intervis.sight.kernels.samples import (
     project,
     reduce_depths,
 )
+from intervis.sight.kernels.terrain import ASSUMED_OFFSET_M
 
 
 @kernel
@@ -61,6 +62,24 @@ def _find_places(
     value, place, last = samples[row], places[PLACE], entries - 1.0
     for m in range(count):
         place[m] = clamped((value[m] - start) * entries_per_unit, last)
+
+
+@kernel
+def _find_heights(
+    samples: Float64Array, places: Int32Array, count: int, parameters: Parameters, entries: int
+) -> None:
+    """Entries of the samples' heights in the table over known and, after it, assumed ground."""
+    height_of, place = samples[HEIGHT], places[PLACE]
+    per_m, offset_m = parameters.entries_per_m, ASSUMED_OFFSET_M
+    known_from_m, assumed_from_m = parameters.height_from_m, parameters.assumed_from_m
+    known, last = parameters.known_height_entries, entries - 1.0
+    for m in range(count):
+        height = height_of[m]
+        assumed = height > 0.5 * offset_m
+        start = offset_m + assumed_from_m if assumed else known_from_m
+        entry = clamped((height - start) * per_m, last)
+        entry = min(entry + known, last) if assumed else min(entry, known - 1.0)
+        place[m] = entry
 
 
 @kernel
@@ -102,7 +121,7 @@ def march(
     depth_log_odds, height_log_odds = tables.depth_log_odds, tables.height_log_odds
     occupancies, used = tables.occupancies, chosen.shape[1]
     weights, entries = tables.scan_weights[used - 1], float(len(depth_log_odds) // 2)
-    per_m, per_log_odds = parameters.entries_per_m, parameters.entries_per_log_odds
+    per_log_odds = parameters.entries_per_log_odds
     at = 0
     while at < len(first):
         count = lay_out(
@@ -125,8 +144,7 @@ def march(
                 compute_heights(ground, position, a, b, batch)
             else:
                 keep_depths(samples, lines, offsets, count, n)
-        heights = len(height_log_odds)
-        _find_places(samples, HEIGHT, places, total, parameters.height_from_m, per_m, heights)
+        _find_heights(samples, places, total, parameters, len(height_log_odds))
         _add_height_prior(samples, places, total, height_log_odds)
         if used > 1:
             find_dynamic(samples, lines, offsets, count, parameters)

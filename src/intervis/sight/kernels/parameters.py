@@ -15,6 +15,8 @@ class Parameters(NamedTuple):
     end_margin_m: float
     attenuation_per_m: float
     base_optical_depth: float
+    end_occluded_depth: float
+    end_occluded_power: float
     below_ground_m: float
     below_ground_attenuation_per_m: float
     surface_from_m: float
@@ -29,7 +31,6 @@ class Parameters(NamedTuple):
     motion_reach_m: float
     dynamic_occupied_log_odds: float
     dynamic_free_log_odds: float
-    default_time_gap_s: float
     change_time_s: float
     disappeared: float
     appeared: float
@@ -46,6 +47,8 @@ class Parameters(NamedTuple):
     occluded_min_surface: float
     depth_from_m: float
     height_from_m: float
+    assumed_from_m: float
+    known_height_entries: float
     entries_per_m: float
     log_odds_from: float
     entries_per_log_odds: float
@@ -55,8 +58,9 @@ class Tables(NamedTuple):
     """Curves of the occupancy model, sampled.
 
     `depth_log_odds` (2 D + 1,): volumetric, then surface returns, each from `depth_from_m` in steps
-    of 1 / `entries_per_m`, then 0 for an unobserved direction. `height_log_odds` (H,): from
-    `height_from_m` in the same steps. `occupancies` (P,): probability of log-odds from
+    of 1 / `entries_per_m`, then 0 for an unobserved direction. `height_log_odds` (H + G,): over known
+    ground `known_height_entries` from `height_from_m` in the same steps, the first one for no
+    ground at all; then over assumed ground from `assumed_from_m`. `occupancies` (P,): probability of log-odds from
     `log_odds_from` in steps of 1 / `entries_per_log_odds`. `scan_weights` (K, K): row n holds the
     weights of n + 1 scans.
     """

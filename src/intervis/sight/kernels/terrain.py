@@ -17,6 +17,10 @@ MAX_GAP_CELLS = 8
 CELLS_IN_FRONT = 6
 """A cell is compared with so many cells between it and the sensor."""
 OUTLIER_M = 0.35
+ASSUMED_OFFSET_M = 1000.0
+"""Where the ground was not observed, a map holds the height of the nearest cell that has some, minus
+this. Heights above such ground come out greater by it, so that no rule on heights applies to them;
+only the prior reads them (`occupancy_model`)."""
 
 
 @kernel
@@ -139,3 +143,29 @@ def interpolate(height: Float32Array, known: BoolArray) -> None:
                             filled[p, q] = before + f * (height[a, b] - before)
                 last = at
     height[:] = filled
+
+
+@kernel
+def assume_ground(height: Float32Array) -> None:
+    """Fill the NaN cells with the value of the nearest known cell, minus `ASSUMED_OFFSET_M`.
+
+    The nearest by steps to one of eight neighbours, two passes over the map; if several are equally
+    near, the first one found.
+    """
+    steps = np.where(np.isnan(height), 4 * CELLS, 0)
+    for way in range(2):
+        turn = 1 if way == 0 else -1
+        for m in range(CELLS):
+            a = m if way == 0 else CELLS - 1 - m
+            for n in range(CELLS):
+                b = n if way == 0 else CELLS - 1 - n
+                for da, db in ((-turn, -turn), (-turn, 0), (-turn, turn), (0, -turn)):
+                    p, q = a + da, b + db
+                    inside = 0 <= p < CELLS and 0 <= q < CELLS
+                    if inside and steps[p, q] + 1 < steps[a, b]:
+                        steps[a, b] = steps[p, q] + 1
+                        height[a, b] = height[p, q]
+    for a in range(CELLS):
+        for b in range(CELLS):
+            if steps[a, b] > 0:
+                height[a, b] -= ASSUMED_OFFSET_M
