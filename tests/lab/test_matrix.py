@@ -7,8 +7,9 @@ import pytest
 
 from intervis.errors import SettingsError
 from intervis.lab.cli.matrix import matrix
+from intervis.lab.truth.cells import cells, exact_lines
 from intervis.lab.truth.label_check import check_labels
-from intervis.lab.truth.matrix import cells, evaluate_cells, exact_lines, honestly_answerable
+from intervis.lab.truth.matrix import evaluate_cells, honestly_answerable
 from intervis.lab.worlds.beam_pattern import PATTERNS
 from intervis.lab.worlds.places import PLACES
 from intervis.lab.worlds.ray_casting import RayCaster
@@ -51,7 +52,7 @@ def test_a_cell_is_scored() -> None:
     (result,) = evaluate_cells(cells(["vlp-16"], ["upright"], ["hall"]), lines=60)
     assert 0 < result.own_returns <= 1
     assert 0 <= result.answerable <= 1
-    assert set(result.by_kind) == {"returns", "beam points", "anywhere"}
+    assert set(result.by_kind) == {"returns", "beam points", "anywhere", "space"}
 
 
 def test_labels_of_surrounding_returns_are_right_and_others_are_not() -> None:

@@ -53,14 +53,13 @@ A sample more than `BELOW_GROUND_M` below the nearest scan's ground, and free in
 by `BELOW_GROUND_ATTENUATION_PER_M` instead, whatever its log-odds.
 
 **Probability.** For independent samples, exp(-x) would be the probability that the line is clear.
-Errors of neighbouring samples are correlated, which the power `SHARPNESS` corrects. Since the scans
-were taken, a fraction `disappeared` of the occluded lines has become visible, and a fraction
-`appeared` of the visible lines has become occluded (`change_fractions`):
+Errors of neighbouring samples are correlated, which the power `SHARPNESS` corrects. Until the query
+time, a fraction `disappeared` of the movable blockers has gone, and a fraction `appeared` of the
+visible lines has become occluded (`change_fractions`; both are 0 without a query time). With the
+part x_movable of x from surfaces at heights of traffic and people:
 
-    Q = 1 / (1 + c (exp(x) - 1) ** SHARPNESS),   c = (0.5 - appeared) / (0.5 - disappeared)
-    P(visible) = disappeared + (1 - disappeared - appeared) Q
-
-The factor c keeps P = 0.5 where Q without it is 0.5.
+    Q(x) = 1 / (1 + (exp(x) - 1) ** SHARPNESS)
+    P(visible) = Q(x) + disappeared (Q(x - x_movable) - Q(x)) - appeared Q(x)
 
 **Three answers.** Beside `BASE_OPTICAL_DEPTH`, x is the sum of three parts, and each sample belongs
 to one of them: `surface` (samples with `SURFACE_FROM_M` <= d <= `SURFACE_TO_M` for some scan, below
@@ -213,9 +212,7 @@ def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
             [
                 [fitted["unknown_height_log_odds"]],
                 np.interp(height_m[1:], fitted["height_m"], fitted["height_log_odds"]),
-                np.interp(
-                    assumed_m, fitted["assumed_height_m"], fitted["assumed_height_log_odds"]
-                ),
+                np.interp(assumed_m, fitted["assumed_height_m"], fitted["assumed_height_log_odds"]),
             ]
         ),
         occupancies=1.0 / (1.0 + np.exp(-log_odds)),
@@ -267,22 +264,38 @@ def end_optical_depth(
 
 def probability(
     optical_depth: ArrayLike,
+    movable: ArrayLike,
     disappeared: ArrayLike,
     appeared: ArrayLike,
     sharpness: float = SHARPNESS,
 ) -> Float64Array:
-    """P(visible) of lines with optical depths x and change fractions.
+    """P(visible) of lines with optical depths x, the movable part of it, and change fractions.
 
     Examples
     --------
-    >>> probability([np.log(2.0), 0.0, 9.0], 0.2, 0.1).round(3)
-    array([0.5, 0.9, 0.2])
+    A clear line, one that a wall occludes, and one that a car occludes:
+
+    >>> probability([0.0, 9.0, 9.0], [0.0, 0.0, 9.0], 0.2, 0.1).round(3)
+    array([0.9, 0. , 0.2])
     """
-    disappeared, appeared = np.asarray(disappeared), np.asarray(appeared)
-    balance = (0.5 - appeared) / (0.5 - disappeared)
+    unchanged = unchanged_probability(optical_depth, sharpness)
+    without = np.maximum(np.asarray(optical_depth) - np.asarray(movable), 0.0)
+    static = unchanged_probability(without, sharpness)
+    return np.asarray(
+        unchanged + np.asarray(disappeared) * (static - unchanged) - np.asarray(appeared) * unchanged
+    )
+
+
+def unchanged_probability(optical_depth: ArrayLike, sharpness: float = SHARPNESS) -> Float64Array:
+    """Q(x): the probability that a line is clear if nothing moves.
+
+    Examples
+    --------
+    >>> unchanged_probability([0.0, np.log(2.0)])
+    array([1. , 0.5])
+    """
     with np.errstate(over="ignore"):
-        unchanged = 1.0 / (1.0 + balance * np.expm1(optical_depth) ** sharpness)
-    return np.asarray(disappeared + (1.0 - disappeared - appeared) * unchanged)
+        return np.asarray(1.0 / (1.0 + np.expm1(optical_depth) ** sharpness))
 
 
 def may_be_visible(

@@ -32,6 +32,7 @@ class ReferenceResult(NamedTuple):
 
     free: float
     surface: float
+    movable: float
     unobserved: float
     unobserved_m: float
     occluded_space_m: float
@@ -50,7 +51,7 @@ class ReferenceResult(NamedTuple):
     def probability(self) -> float:
         """P(visible)."""
         fractions = model.change_fractions(self.time_gap_s, single_scan=self.scans == 1)
-        return float(model.probability(self.optical_depth, *fractions))
+        return float(model.probability(self.optical_depth, self.movable, *fractions))
 
     @property
     def state(self) -> int:
@@ -154,14 +155,27 @@ def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> Re
     return ReferenceResult(
         float(optical_depth[in_free].sum()),
         float(optical_depth[line.at_surface].sum()),
+        float(optical_depth[movable(line)].sum()),
         float(optical_depth[unobserved].sum()),
         float(line.step * np.count_nonzero(unobserved)),
         float(line.step * np.count_nonzero(unobserved & line.behind)),
-        float(line.step * _count_at_ends(unobserved & line.behind)),
+        end_occluded_m(line),
         length_m,
         time_gap_s(scans, a, b),
         len(scans.position),
     )
+
+
+def movable(line: LineSamples) -> BoolArray:
+    """Samples at surfaces that may move: at heights of traffic and people above known ground."""
+    in_traffic = _within(line.height, model.DYNAMIC_MIN_HEIGHT_M, model.DYNAMIC_MAX_HEIGHT_M)
+    return np.asarray(line.at_surface & in_traffic)
+
+
+def end_occluded_m(line: LineSamples) -> float:
+    """Length of the occluded space that reaches an end of the line, or both ends, metres."""
+    occluded_space = ~line.free & ~line.at_surface & line.behind
+    return float(line.step * _count_at_ends(occluded_space))
 
 
 def _count_at_ends(flags: BoolArray) -> int:

@@ -1,6 +1,6 @@
 """Maximum-likelihood fit of the occupancy curves, the attenuation and the scan weights."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -12,13 +12,18 @@ from scipy.optimize import minimize
 from intervis.arrays import BoolArray, Float64Array
 from intervis.lab.calibrate.line_set import SampleTable
 from intervis.sight import occupancy_model as model
+from intervis.sight.kernels.parameters import Parameters
 
 SMOOTHNESS = 2e-4
 """Penalty on squared second differences of a curve, in units of the mean likelihood."""
 BASE_OPTICAL_DEPTH_BOUNDS = (1e-4, 5e-2)
 DECAYS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 CORRELATIONS = (0.0, 0.15, 0.3, 0.45, 0.6)
-_MIN_OPTICAL_DEPTH = 1e-9
+CURVES = ("volumetric_log_odds", "surface_log_odds", "height_log_odds", "assumed_height_log_odds")
+KNOTS = ("depth_m", "height_m", "assumed_height_m")
+"""Knots of all curves but the first, which shares those of the second."""
+ATTENUATION = ("attenuation_per_m", "base_optical_depth")
+_LEAST_PROBABILITY, _MIN_OPTICAL_DEPTH, _MAX_OPTICAL_DEPTH = 1e-6, 1e-9, 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +36,19 @@ class Curves:
     surface_log_odds: Float64Array
     volumetric_log_odds: Float64Array
     height_log_odds: Float64Array
+    assumed_height_log_odds: Float64Array
     attenuation_per_m: float
     base_optical_depth: float
     loss: float
 
+    def numbers(self) -> dict[str, Any]:
+        """All but the loss by name, curves as lists."""
+        values = {name: getattr(self, name).tolist() for name in CURVES}
+        return values | {name: getattr(self, name) for name in ATTENUATION}
+
 
 def design_matrix(table: SampleTable, decay: float, correlation: float) -> sparse.csr_array:
-    """Matrix (K, 2 D + H): times the knots of all curves it gives the log-odds of the samples."""
+    """Matrix (K, 2 D + H + G): times the knots of all curves it gives the log-odds of the samples."""
     depth = sparse.csr_array(table.by_rank[0].shape)
     for rank, weights in enumerate(table.by_rank):
         by_count = np.array(
@@ -50,28 +61,44 @@ def design_matrix(table: SampleTable, decay: float, correlation: float) -> spars
     return sparse.csr_array(sparse.hstack([depth, table.height]))
 
 
-def line_losses(optical_depth: Float64Array, visible: BoolArray) -> Float64Array:
-    """Negative log-likelihood of each line under P(visible) = exp(-x)."""
-    x = np.maximum(optical_depth, _MIN_OPTICAL_DEPTH)
-    return np.asarray(np.where(visible, x, -np.log(-np.expm1(-x))))
+def line_losses(probability: Float64Array, visible: BoolArray) -> Float64Array:
+    """Negative log-likelihood of each line."""
+    p = np.clip(probability, _LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
+    return np.asarray(-np.where(visible, np.log(p), np.log1p(-p)))
 
 
 class _Likelihood:
-    """Penalised loss and its gradient over (knots, log attenuation, log base optical depth)."""
+    """Penalised loss and its gradient over (knots, log attenuation, log base optical depth).
 
-    def __init__(self, table: SampleTable, matrix: sparse.csr_array, depth_knots: int) -> None:
-        self.table, self.matrix = table, matrix
+    The lines have the probability of `occupancy_model` with `parameters`: sharpness, changes and
+    the term of their ends stay fixed.
+    """
+
+    def __init__(
+        self,
+        table: SampleTable,
+        matrix: sparse.csr_array,
+        sizes: Sequence[int],
+        parameters: Parameters,
+    ) -> None:
+        self.table, self.matrix, self.parameters = table, matrix, parameters
         self.transposed = sparse.csr_array(matrix.T)
         self.weight = table.weight / table.weight.sum()
-        fixed = np.where(table.below_ground, model.BELOW_GROUND_ATTENUATION_PER_M, 0.0)
-        self.fixed = np.bincount(table.line, fixed * table.step_m, len(table.visible))
+        per_m = np.where(table.below_ground, model.BELOW_GROUND_ATTENUATION_PER_M, 0.0)
+        self.fixed = np.bincount(table.line, per_m * table.step_m, len(table.visible))
+        self.fixed += model.end_optical_depth(table.end_occluded_m, parameters)
         self.step_m = np.where(table.below_ground, 0.0, table.step_m)
-        sizes = (depth_knots, depth_knots, matrix.shape[1] - 2 * depth_knots)
         differences = [_second_differences(size) for size in sizes]
         self.difference = sparse.csr_array(sparse.block_diag(differences))
+        self.movable_m = np.where(table.movable, self.step_m, 0.0)
+        self.changed = model.change_fractions(table.time_gap_s, table.single_scan, parameters)
 
-    def optical_depth(self, theta: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """Optical depths of the lines, occupancy of the samples, and where log-odds are free."""
+    def optical_depth(
+        self, theta: Float64Array
+    ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+        """Optical depths of the lines, their movable parts, occupancy of the samples, and where
+        log-odds are free.
+        """
         raw = self.matrix @ theta[:-2] + self.table.height_log_odds
         bounded = np.where(
             self.table.occupied, np.maximum(raw, model.DYNAMIC_OCCUPIED_LOG_ODDS), raw
@@ -80,24 +107,46 @@ class _Likelihood:
             self.table.left, np.minimum(bounded, model.DYNAMIC_FREE_LOG_ODDS), bounded
         )
         occupancy = 1.0 / (1.0 + np.exp(-bounded))
-        part = np.exp(theta[-2]) * occupancy * self.step_m
-        x = np.exp(theta[-1]) + self.fixed + np.bincount(self.table.line, part, len(self.fixed))
-        return x, occupancy, np.asarray(bounded == raw, dtype=np.float64)
+        attenuation, count = np.exp(theta[-2]), len(self.fixed)
+        x = np.bincount(self.table.line, occupancy * self.step_m, count)
+        movable = np.bincount(self.table.line, occupancy * self.movable_m, count)
+        x = np.exp(theta[-1]) + self.fixed + attenuation * x
+        unbounded = np.asarray(bounded == raw, dtype=np.float64)
+        return x, attenuation * movable, occupancy, unbounded
+
+    def loss(self, theta: Float64Array) -> float:
+        """Mean negative log-likelihood per line."""
+        x, movable, _, _ = self.optical_depth(theta)
+        p = model.probability(x, movable, *self.changed, self.parameters.sharpness)
+        return float(self.weight @ line_losses(p, self.table.visible))
 
     def __call__(self, theta: Float64Array) -> tuple[float, Float64Array]:
-        x, occupancy, free = self.optical_depth(theta)
-        loss = float(self.weight @ line_losses(x, self.table.visible))
-        x = np.maximum(x, _MIN_OPTICAL_DEPTH)
-        by_x = self.weight * np.where(self.table.visible, 1.0, -1.0 / np.expm1(x))
-        attenuation = np.exp(theta[-2])
-        by_sample = by_x[self.table.line] * attenuation * self.step_m * occupancy
+        x, movable, occupancy, free = self.optical_depth(theta)
+        disappeared, appeared = self.changed
+        sharpness = self.parameters.sharpness
+        p = model.probability(x, movable, disappeared, appeared, sharpness)
+        loss = float(self.weight @ line_losses(p, self.table.visible))
+        p = np.clip(p, _LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
+        by_p = self.weight * np.where(self.table.visible, -1.0 / p, 1.0 / (1.0 - p))
+        by_x = by_p * (1.0 - disappeared - appeared) * _slope(x, sharpness)
+        by_static = by_p * disappeared * _slope(x - movable, sharpness)
+        line = self.table.line
+        by_step = by_x[line] * self.step_m + by_static[line] * (self.step_m - self.movable_m)
+        by_sample = np.exp(theta[-2]) * by_step * occupancy
         bend = self.difference @ theta[:-2]
         gradient = np.empty(len(theta))
         gradient[:-2] = self.transposed @ (by_sample * (1.0 - occupancy) * free)
         gradient[:-2] += 2.0 * SMOOTHNESS * (self.difference.T @ bend)
         gradient[-2] = by_sample.sum()
-        gradient[-1] = by_x.sum() * np.exp(theta[-1])
+        gradient[-1] = (by_x + by_static).sum() * np.exp(theta[-1])
         return loss + SMOOTHNESS * float(bend @ bend), gradient
+
+
+def _slope(x: Float64Array, sharpness: float) -> Float64Array:
+    """Derivative of Q(x) of `occupancy_model`."""
+    x = np.clip(x, _MIN_OPTICAL_DEPTH, _MAX_OPTICAL_DEPTH)
+    q = model.unchanged_probability(x, sharpness)
+    return np.asarray(-q * (1.0 - q) * sharpness / -np.expm1(-x))
 
 
 def _second_differences(size: int) -> sparse.csr_array:
@@ -108,8 +157,8 @@ def _second_differences(size: int) -> sparse.csr_array:
 
 def fit_curves(
     table: SampleTable,
-    depth_m: Float64Array,
-    height_m: Float64Array,
+    knots: Mapping[str, Sequence[float]],
+    parameters: Parameters = model.MODEL.parameters,
     decay: float = model.WEIGHT_DECAY,
     correlation: float = model.CORRELATION,
 ) -> Curves:
@@ -118,66 +167,55 @@ def fit_curves(
     Parameters
     ----------
     table : SampleTable
-    depth_m, height_m : (D,) and (H,) float64 arrays
-        The knots that the table was made with.
+    knots : mapping
+        `depth_m`, `height_m` and `assumed_height_m`, with which the table was made.
+    parameters : Parameters
+        Sharpness, change fractions and the term of the ends.
     decay, correlation : float
         Of the scan weights.
-
-    Returns
-    -------
-    Curves
     """
-    likelihood = _Likelihood(table, design_matrix(table, decay, correlation), len(depth_m))
+    depth_m = np.array(knots["depth_m"], dtype=np.float64)
+    sizes = [len(depth_m), *(len(knots[name]) for name in KNOTS)]
+    likelihood = _Likelihood(table, design_matrix(table, decay, correlation), sizes, parameters)
     near_surface = np.where((depth_m > -0.2) & (depth_m < 1.5), 3.0, -1.0)
-    start = np.concatenate([near_surface, near_surface, np.full(len(height_m), -4.0), [0.0, -6.0]])
+    heights = np.full(sizes[-2] + sizes[-1], -4.0)
+    start = np.concatenate([near_surface, near_surface, heights, [0.0, -6.0]])
     bounds = [(-8.0, 8.0)] * (len(start) - 2)
     bounds += [(np.log(0.2), np.log(5.0)), tuple(np.log(BASE_OPTICAL_DEPTH_BOUNDS))]
     found = minimize(likelihood, start, jac=True, method="L-BFGS-B", bounds=bounds)
-    theta, count = found.x, len(depth_m)
-    x, _, _ = likelihood.optical_depth(theta)
+    parts = np.split(found.x[:-2], np.cumsum(sizes)[:-1])
     return Curves(
-        surface_log_odds=theta[count : 2 * count],
-        volumetric_log_odds=theta[:count],
-        height_log_odds=theta[2 * count : -2],
-        attenuation_per_m=float(np.exp(theta[-2])),
-        base_optical_depth=float(np.exp(theta[-1])),
-        loss=float(likelihood.weight @ line_losses(x, table.visible)),
+        volumetric_log_odds=parts[0],
+        surface_log_odds=parts[1],
+        height_log_odds=parts[2],
+        assumed_height_log_odds=parts[3],
+        attenuation_per_m=float(np.exp(found.x[-2])),
+        base_optical_depth=float(np.exp(found.x[-1])),
+        loss=likelihood.loss(found.x),
     )
 
 
 def loss_of(table: SampleTable, fitted: Mapping[str, Any]) -> float:
     """Mean negative log-likelihood per line under the numbers of a fitted file."""
     matrix = design_matrix(table, fitted["weight_decay"], fitted["correlation"])
-    likelihood = _Likelihood(table, matrix, len(fitted["depth_m"]))
-    theta = np.concatenate(
-        [
-            fitted["volumetric_log_odds"],
-            fitted["surface_log_odds"],
-            fitted["height_log_odds"],
-            np.log([fitted["attenuation_per_m"], fitted["base_optical_depth"]]),
-        ]
-    )
-    x, _, _ = likelihood.optical_depth(theta)
-    return float(likelihood.weight @ line_losses(x, table.visible))
+    sizes = [len(fitted["depth_m"]), *(len(fitted[name]) for name in KNOTS)]
+    parameters = model.model_of({**model.FITTED, **fitted}).parameters
+    curves = [np.asarray(fitted[name], dtype=np.float64) for name in CURVES]
+    ends = np.log([fitted["attenuation_per_m"], fitted["base_optical_depth"]])
+    return _Likelihood(table, matrix, sizes, parameters).loss(np.concatenate([*curves, ends]))
 
 
 def choose_weights(
-    table: SampleTable, curves: Curves, depth_m: Float64Array, height_m: Float64Array
+    table: SampleTable, curves: Curves, fitted: Mapping[str, Any]
 ) -> tuple[float, float, dict[tuple[float, float], float]]:
-    """The decay and correlation of the scan weights with the smallest loss, and all losses."""
+    """The decay and correlation of the scan weights with the smallest loss, and all losses.
+
+    `fitted` holds the knots, and the numbers that the curves do not.
+    """
     losses = {}
     for decay, correlation in product(DECAYS, CORRELATIONS):
-        numbers = {
-            "weight_decay": decay,
-            "correlation": correlation,
-            "depth_m": depth_m,
-            "height_m": height_m,
-            "surface_log_odds": curves.surface_log_odds,
-            "volumetric_log_odds": curves.volumetric_log_odds,
-            "height_log_odds": curves.height_log_odds,
-            "attenuation_per_m": curves.attenuation_per_m,
-            "base_optical_depth": curves.base_optical_depth,
-        }
+        numbers = {**fitted, **curves.numbers()}
+        numbers |= {"weight_decay": decay, "correlation": correlation}
         losses[decay, correlation] = loss_of(table, numbers)
     best = min(losses, key=lambda key: losses[key])
     return *best, losses

@@ -11,7 +11,13 @@ from intervis.lab.truth.baselines.input_scans import scene_of
 from intervis.lab.truth.query_set import QuerySet
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.occupancy_model import FITTED
-from intervis.sight.reference import LineSamples, reference_samples, time_gap_s
+from intervis.sight.reference import (
+    LineSamples,
+    end_occluded_m,
+    movable,
+    reference_samples,
+    time_gap_s,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +32,8 @@ class QueryLines:
     starts, ends : (L, 3) float64 arrays
         Scene frame, metres.
     visible : (L,) bool array
+    weight : float
+        Of the query set among all.
     """
 
     label: str
@@ -33,6 +41,7 @@ class QueryLines:
     starts: Float64Array
     ends: Float64Array
     visible: BoolArray
+    weight: float = 1.0
 
 
 def query_lines(query_set: QuerySet, count: int, rng: np.random.Generator) -> QueryLines:
@@ -61,18 +70,22 @@ class SampleTable:
     by_rank : list of (K, 2 D) sparse arrays
         For each rank of a contributing scan: interpolation weights of the knots of the volumetric
         and the surface curve; a row is empty if that scan did not observe the direction.
-    height : (K, H) sparse array
-        Interpolation weights of the knots of the height curve; a row is empty above unknown ground.
+    height : (K, H + G) sparse array
+        Interpolation weights of the knots of the height curves over known and over assumed ground;
+        a row is empty where there is neither.
     height_log_odds : (K,) float64 array
-        Log-odds that are not fitted: `unknown_height_log_odds` above unknown ground, else 0.
+        Log-odds that are not fitted: `unknown_height_log_odds` without any ground, else 0.
     scans : (K,) int64 array
         Number of scans that contribute to the line.
     occupied, left, below_ground : (K,) bool arrays
         See `intervis.sight.reference.LineSamples`.
+    movable : (K,) bool array
+        See `intervis.sight.reference.movable`.
     visible : (L,) bool array
     weight : (L,) float64 array
-        Weights of the lines; those of a query set sum to 1.
-    time_gap_s : (L,) float64 array
+        Weights of the lines; those of a query set sum to its weight.
+    time_gap_s, end_occluded_m : (L,) float64 arrays
+    single_scan : (L,) bool array
     """
 
     line: IntArray
@@ -84,9 +97,12 @@ class SampleTable:
     occupied: BoolArray
     left: BoolArray
     below_ground: BoolArray
+    movable: BoolArray
     visible: BoolArray
     weight: Float64Array
     time_gap_s: Float64Array
+    end_occluded_m: Float64Array
+    single_scan: BoolArray
 
 
 def hat_weights(value: Float64Array, knots: Float64Array) -> sparse.csr_array:
@@ -115,41 +131,52 @@ def hat_weights(value: Float64Array, knots: Float64Array) -> sparse.csr_array:
 
 
 def sample_table(
-    query_sets: Iterable[QueryLines], depth_m: Float64Array, height_m: Float64Array
+    query_sets: Iterable[QueryLines],
+    depth_m: Float64Array,
+    height_m: Float64Array,
+    assumed_height_m: Float64Array,
 ) -> SampleTable:
     """Sample the lines of all query sets by the reference implementation.
 
     Parameters
     ----------
     query_sets : iterable of QueryLines
-    depth_m, height_m : (D,) and (H,) float64 arrays
+    depth_m, height_m, assumed_height_m : (D,), (H,) and (G,) float64 arrays
         Knots of the curves.
     """
     lines: list[LineSamples] = []
-    visible, weight, gap_s = [], [], []
+    visible, weight, gap_s, single = [], [], [], []
     for queries in query_sets:
         for a, b in zip(queries.starts, queries.ends, strict=True):
             lines.append(reference_samples(queries.scans, a, b))
             gap_s.append(time_gap_s(queries.scans, a, b))
         visible.append(queries.visible)
-        weight.append(np.full(len(queries.starts), 1.0 / len(queries.starts)))
+        weight.append(np.full(len(queries.starts), queries.weight / len(queries.starts)))
+        single.append(np.full(len(queries.starts), len(queries.scans.position) == 1))
     counts = np.array([len(line.height) for line in lines])
     ranks = max(len(line.weights) for line in lines)
     height = np.concatenate([line.height for line in lines])
+    assumed = np.concatenate([line.assumed_height for line in lines])
+    heights = [hat_weights(height, height_m), hat_weights(assumed, assumed_height_m)]
     return SampleTable(
         line=np.repeat(np.arange(len(lines)), counts),
         # Samples along the surface that an end lies on do not attenuate.
         step_m=np.concatenate([np.where(line.along_end, 0.0, line.step) for line in lines]),
         by_rank=[_depth_weights(lines, rank, depth_m) for rank in range(ranks)],
-        height=hat_weights(height, height_m),
-        height_log_odds=np.where(np.isnan(height), FITTED["unknown_height_log_odds"], 0.0),
+        height=sparse.csr_array(sparse.hstack(heights)),
+        height_log_odds=np.where(
+            np.isnan(height) & np.isnan(assumed), FITTED["unknown_height_log_odds"], 0.0
+        ),
         scans=np.repeat([len(line.weights) for line in lines], counts),
         occupied=np.concatenate([line.occupied for line in lines]),
         left=np.concatenate([line.left for line in lines]),
         below_ground=np.concatenate([line.below_ground for line in lines]),
+        movable=np.concatenate([movable(line) for line in lines]),
         visible=np.concatenate(visible),
         weight=np.concatenate(weight),
         time_gap_s=np.array(gap_s),
+        end_occluded_m=np.array([end_occluded_m(line) for line in lines]),
+        single_scan=np.concatenate(single),
     )
 
 

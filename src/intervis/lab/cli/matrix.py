@@ -30,13 +30,16 @@ def matrix(
 ) -> None:
     """Score the engine in generated worlds for each scanner and mount."""
     from intervis.files import write_bytes
-    from intervis.lab.truth.matrix import cells, evaluate_cells, matrix_table, worst_cell
+    from intervis.lab.truth.cells import KINDS, cells
+    from intervis.lab.truth.matrix import evaluate_cells, matrix_table, worst_cell
     from intervis.lab.worlds.beam_pattern import PATTERNS
     from intervis.lab.worlds.mounts import MOUNTS
     from intervis.lab.worlds.places import PLACES
 
-    if lines < 3 or seed < 0:
-        raise SettingsError(f"--lines must be 3 or more and --seed 0 or more, got {lines}, {seed}.")
+    if lines < len(KINDS) or seed < 0:
+        raise SettingsError(
+            f"--lines must be {len(KINDS)} or more and --seed 0 or more, got {lines}, {seed}."
+        )
     if labels:
         if scanners or mounts or worlds:
             raise SettingsError("--labels takes all worlds and two scanners: leave out the names.")

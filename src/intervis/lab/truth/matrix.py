@@ -1,12 +1,6 @@
 """Exact truth over a matrix of scanners, mounts and worlds.
 
-Each cell is one scan of a place. Its sight lines, a third each, at most 60 m long:
-
-- *returns*: from free points anywhere to returns of the scan;
-- *beam points*: from free points on the beams to returns;
-- *anywhere*: between free points of the place.
-
-The truth follows `intervis.lab.truth.exact_world.exact_labels`.
+Each cell is one scan of a place, with the sight lines of `intervis.lab.truth.cells`.
 
 A line is *honestly answerable* when one scan determines it. Let beam b of the scan have an echo at
 the exact range r_b, and let s_b be its spacing. Of a point p at range r, the beams beside it are
@@ -25,11 +19,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from intervis.arrays import BoolArray, Float64Array, IntArray
-from intervis.lab.truth.exact_world import exact_labels, in_the_open
+from intervis.arrays import BoolArray, Float64Array
+from intervis.lab.truth.cells import KINDS, Cell, exact_lines, random_of, scan_of
 from intervis.lab.truth.scores import Scores, mean_or_nan, number_or_none, score
-from intervis.lab.worlds.beam_pattern import PATTERNS, PatternScan
-from intervis.lab.worlds.mounts import MOUNTS
+from intervis.lab.worlds.beam_pattern import PatternScan
 from intervis.lab.worlds.places import PLACES, Place
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.plots.tables import Table
@@ -37,33 +30,9 @@ from intervis.progress import Progress, silent
 from intervis.sight import Scene
 from intervis.transform import inverse, transform
 
-MAX_LENGTH_M = 60.0
 STEP_M, END_M = 0.1, 0.3
 SAME_SURFACE_M = 0.1
 MAX_SURFACES = 8
-MOUNTS_OF = {"terrestrial": ("tripod",), "ring": ("upright", "upside-down", "tilted")}
-"""Mounts that make sense for a scanner; all but the tripod for the others."""
-KINDS = ("returns", "beam points", "anywhere")
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One scanner on one mount in one world."""
-
-    scanner: str
-    mount: str
-    world: str
-
-
-@dataclass(frozen=True, eq=False)
-class Lines:
-    """L sight lines of a cell with exact labels, scene frame."""
-
-    starts: Float64Array
-    ends: Float64Array
-    visible: BoolArray
-    answerable: BoolArray
-    kind: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,28 +77,6 @@ class CellResult:
         }
 
 
-def cells(
-    scanners: Sequence[str] | None = None,
-    mounts: Sequence[str] | None = None,
-    worlds: Sequence[str] | None = None,
-) -> list[Cell]:
-    """The cells that make sense: the terrestrial scanner on its tripod only, no mast in the hall.
-
-    Examples
-    --------
-    >>> cells(["terrestrial"], None, ["hall"])
-    [Cell(scanner='terrestrial', mount='tripod', world='hall')]
-    """
-    usual = tuple(name for name in MOUNTS if name != "tripod")
-    return [
-        Cell(scanner, mount, world)
-        for scanner in scanners or PATTERNS
-        for mount in mounts or MOUNTS
-        for world in worlds or PLACES
-        if mount in MOUNTS_OF.get(scanner, usual) and not (mount == "mast" and world == "hall")
-    ]
-
-
 def evaluate_cells(
     chosen: Iterable[Cell], *, lines: int = 1500, seed: int = 0, progress: Progress | None = None
 ) -> Iterator[CellResult]:
@@ -140,23 +87,15 @@ def evaluate_cells(
     places: dict[str, Place] = {}
     for cell in chosen:
         place = places.setdefault(cell.world, PLACES[cell.world](seed))
-        numbers = [list(PATTERNS).index(cell.scanner), list(MOUNTS).index(cell.mount)]
-        rng = np.random.default_rng([seed, *numbers, list(PLACES).index(cell.world)])
-        result = _evaluated(cell, place, lines, rng)
+        result = _evaluated(cell, place, lines, random_of(cell, seed))
         (progress or silent)(f"{cell.scanner} {cell.mount} {cell.world}")
         yield result
-
-
-def scan_of(cell: Cell, place: Place, rng: np.random.Generator) -> PatternScan:
-    """One scan of a place from one of its sites, at a random yaw."""
-    site = place.sites[rng.integers(len(place.sites))]
-    pose = MOUNTS[cell.mount].pose(place.ground(site[None])[0], float(rng.uniform(0, 2 * np.pi)))
-    return PATTERNS[cell.scanner]().scan(place.caster, pose, rng)
 
 
 def _evaluated(cell: Cell, place: Place, count: int, rng: np.random.Generator) -> CellResult:
     scan = scan_of(cell, place, rng)
     lines = exact_lines(place, scan, count, rng)
+    answerable = honestly_answerable(place.caster, scan, lines.starts, lines.ends, lines.visible)
     scene = Scene.from_scan(scan.points, scan.pose)
     sight = scene.sight_lines(lines.starts, lines.ends)
     own = transform(scan.pose, scan.points[rng.permutation(len(scan.points))[:5000]])
@@ -164,8 +103,8 @@ def _evaluated(cell: Cell, place: Place, count: int, rng: np.random.Generator) -
     return CellResult(
         cell,
         score(lines.visible, sight.probability, sight.state),
-        mean_or_nan(known[lines.answerable]),
-        mean_or_nan(lines.answerable),
+        mean_or_nan(known[answerable]),
+        mean_or_nan(answerable),
         mean_or_nan(sight.probability[unknown]),
         mean_or_nan(lines.visible[unknown]),
         mean_or_nan(scene.sight(scan.pose[:3, 3], own).visible),
@@ -175,44 +114,6 @@ def _evaluated(cell: Cell, place: Place, count: int, rng: np.random.Generator) -
             if (own_kind := lines.kind == k).any()
         },
     )
-
-
-def exact_lines(place: Place, scan: PatternScan, count: int, rng: np.random.Generator) -> Lines:
-    """About `count` labelled lines of a scan, a third of each kind."""
-    third = count // 3
-    origin = scan.pose[:3, 3]
-    free = _free_points(place, origin, 3 * third, rng)
-    returns = transform(scan.pose, scan.points.astype(np.float64))
-    chosen = returns[rng.integers(0, len(returns), 2 * third)]
-    beam_ends = returns[rng.integers(0, len(returns), third)]
-    on_beams = origin + rng.uniform(0.05, 0.95, (third, 1)) * (beam_ends - origin)
-    starts = np.concatenate([free[:third], on_beams, free[third : 2 * third]])
-    ends = np.concatenate([chosen, free[2 * third :]])
-    kind = np.repeat([0, 1, 2], third)
-    near = np.linalg.norm(ends - starts, axis=1) <= MAX_LENGTH_M
-    starts, ends, kind = starts[near], ends[near], kind[near]
-    visible, occluded = exact_labels(place.caster, starts, ends, kind < 2)
-    labelled = visible | occluded
-    starts, ends, visible = starts[labelled], ends[labelled], visible[labelled]
-    answerable = honestly_answerable(place.caster, scan, starts, ends, visible)
-    return Lines(starts, ends, visible, answerable, kind[labelled])
-
-
-def _free_points(
-    place: Place, origin: Float64Array, count: int, rng: np.random.Generator
-) -> Float64Array:
-    """Points (count, 3) of the place within 60 m of the scanner, uniform over the ground."""
-    found = np.empty((0, 3))
-    while len(found) < count:
-        xy = rng.uniform(place.bounds[0], place.bounds[1], (2 * count, 2))
-        points = place.ground(xy[np.linalg.norm(xy - origin[:2], axis=1) < MAX_LENGTH_M])
-        points = points[np.isfinite(points[:, 2])]
-        points[:, 2] += rng.uniform(0.2, place.ceiling_m, len(points))
-        points = points[place.free(points)]
-        if not len(place.solids):
-            points = points[in_the_open(place.caster, points)]
-        found = np.concatenate([found, points])
-    return found[:count]
 
 
 def honestly_answerable(

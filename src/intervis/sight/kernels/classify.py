@@ -35,7 +35,11 @@ def _can_be_judged(a: Float64Array, b: Float64Array, max_range_m: float) -> bool
 
 @kernel
 def _probability(
-    optical_depth: float, time_gap_s: float, single_scan: bool, parameters: Parameters
+    optical_depth: float,
+    movable: float,
+    time_gap_s: float,
+    single_scan: bool,
+    parameters: Parameters,
 ) -> float:
     """P(visible): `occupancy_model.change_fractions` and `occupancy_model.probability` in one."""
     changed = 1.0 - np.exp(-time_gap_s / parameters.change_time_s)
@@ -44,9 +48,9 @@ def _probability(
     appeared = parameters.appeared_single_scan if single_scan else parameters.appeared
     disappeared = min(disappeared * changed, most)
     appeared = min(appeared * changed, most)
-    balance = (0.5 - appeared) / (0.5 - disappeared)
-    unchanged = 1.0 / (1.0 + balance * np.expm1(optical_depth) ** parameters.sharpness)
-    return float(disappeared + (1.0 - disappeared - appeared) * unchanged)
+    unchanged = 1.0 / (1.0 + np.expm1(optical_depth) ** parameters.sharpness)
+    static = 1.0 / (1.0 + np.expm1(max(optical_depth - movable, 0.0)) ** parameters.sharpness)
+    return float(unchanged + disappeared * (static - unchanged) - appeared * unchanged)
 
 
 @kernel
@@ -121,7 +125,9 @@ def answer_range(
             end_m = sums.end_occluded_m[i]
             optical_depth = parameters.base_optical_depth + sums.free[i] + surface + unobserved
             optical_depth += parameters.end_occluded_depth * end_m**parameters.end_occluded_power
-            probability = _probability(optical_depth, sums.time_gap_s[i], single_scan, parameters)
+            probability = _probability(
+                optical_depth, sums.movable[i], sums.time_gap_s[i], single_scan, parameters
+            )
             state = _state(
                 probability,
                 surface,

@@ -30,7 +30,8 @@ from intervis.sight.kernels.terrain import ASSUMED_OFFSET_M
 class LineSums(NamedTuple):
     """What the samples of L lines add up to; see `intervis.sight.occupancy_model`.
 
-    Optical depth in three parts: `surface`, `free`, `unobserved`. `unobserved_m` is the length
+    Optical depth in three parts: `surface`, `free`, `unobserved`; `movable` is the part of `surface`
+    at heights of traffic and people. `unobserved_m` is the length
     that no scan observed, `occluded_space_m` the part of it behind observed surfaces, and
     `end_occluded_m` the part of that which reaches an end of the line. `time_gap_s` is the time
     between the query and the nearest scan, 0 without a query time. `clearance_m` is the smallest gap to a
@@ -41,6 +42,7 @@ class LineSums(NamedTuple):
 
     free: Float64Array
     surface: Float64Array
+    movable: Float64Array
     unobserved: Float64Array
     unobserved_m: Float64Array
     occluded_space_m: Float64Array
@@ -54,9 +56,9 @@ class LineSums(NamedTuple):
 @kernel
 def new_line_sums(count: int) -> LineSums:
     """Uninitialised sums for so many lines."""
-    v = np.empty((9, count))
+    v = np.empty((10, count))
     scan = np.empty(count, np.int64)
-    return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], scan)
+    return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], scan)
 
 
 @kernel
@@ -156,12 +158,15 @@ def add_up(
     surface, free, unobserved = samples[SURFACE], samples[FREE], samples[UNOBSERVED]
     is_unobserved, occluded_space = samples[IS_UNOBSERVED], samples[IN_OCCLUDED_SPACE]
     clearance, rank, height = samples[CLEARANCE], samples[RANK], samples[HEIGHT]
+    low_m, high_m = parameters.dynamic_min_height_m, parameters.dynamic_max_height_m
     for i in range(count):
         begin, end, step = batch.offsets[i, 0], batch.offsets[i, 1], batch.lines[i, STEP_M]
         at_surface, in_free, in_unobserved, least = 0.0, 0.0, 0.0, np.inf
-        samples_unobserved, samples_occluded = 0.0, 0.0
+        samples_unobserved, samples_occluded, movable = 0.0, 0.0, 0.0
         for m in range(begin, end):
             at_surface += surface[m]
+            in_traffic = (height[m] >= low_m) & (height[m] <= high_m)
+            movable += surface[m] if in_traffic else 0.0
             in_free += free[m]
             in_unobserved += unobserved[m]
             samples_unobserved += is_unobserved[m]
@@ -177,6 +182,7 @@ def add_up(
                     most_scan = batch.chosen[i, int(rank[m])]
                     most_at = m - begin + batch.lines[i, FIRST]
         sums.surface[at + i] = at_surface * attenuation_per_m * step
+        sums.movable[at + i] = movable * attenuation_per_m * step
         sums.free[at + i] = in_free * attenuation_per_m * step
         sums.unobserved[at + i] = in_unobserved * attenuation_per_m * step
         sums.unobserved_m[at + i] = samples_unobserved * step
