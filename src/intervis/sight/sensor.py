@@ -6,11 +6,10 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from intervis.arrays import Float64Array, FloatArray
+from intervis.arrays import Float64Array, FloatArray, IntArray
 from intervis.errors import SettingsError
-from intervis.sight.kernels.beam_pattern import cells_of, neighbour_angles
-from intervis.sight.kernels.projection import project_points
-from intervis.sight.kernels.rasterize import sort_by_key
+from intervis.sight.kernels.beam_pattern import list_by_cell, neighbour_angles
+from intervis.sight.projected_scan import ProjectedScan, project_scan
 
 NO_RETURN_M = 0.1
 """Nearer rows are beams without a return: (0, 0, 0), or an offset of the calibration."""
@@ -154,19 +153,22 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     >>> sensor.beams, round(sensor.highest_deg), round(sensor.azimuth_step_deg, 1)
     (16, 15, 0.4)
     """
-    xyz = np.ascontiguousarray(points_velo[:, :3], dtype=np.float64)
-    range_m = np.sqrt(np.einsum("ij,ij->i", xyz, xyz))
-    beyond = range_m > NO_RETURN_M
-    if not beyond.all():
-        xyz, range_m = xyz[beyond], range_m[beyond]
-    if len(xyz) < MIN_RETURNS:
+    return sensor_of_projected(project_scan(points_velo))
+
+
+def sensor_of_projected(scan: ProjectedScan) -> Sensor:
+    """The sensor of a projected scan; see `sensor_of_scan`."""
+    hits = np.flatnonzero(scan.range_m > NO_RETURN_M)
+    if len(hits) < MIN_RETURNS:
         return GENERIC
-    beside_deg, above_deg = _spacings_deg(xyz)
+    beside_deg, above_deg = _spacings_deg(scan, hits)
     if not beside_deg > 0.0 and not above_deg > 0.0:
         return GENERIC
     # Beams do not leave one point: near returns are seen at other elevations than far ones.
-    far = np.flatnonzero(range_m >= np.quantile(range_m, 0.2))[:: max(1, len(xyz) // 20_000)]
-    elevation_deg = np.degrees(np.arcsin(np.clip(xyz[far, 2] / range_m[far], -1.0, 1.0)))
+    range_m = scan.range_m[hits]
+    far = np.flatnonzero(range_m >= _quantile(range_m, 0.2))[:: max(1, len(hits) // 20_000)]
+    sine = scan.xyz[2, hits[far]] / range_m[far]
+    elevation_deg = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
     lowest, highest = np.quantile(elevation_deg, [0.001, 0.999])
     beside_deg = beside_deg if beside_deg > 0.0 else above_deg
     if not above_deg > 0.0 or highest - lowest < 0.5 * above_deg:
@@ -187,19 +189,16 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     )
 
 
-def _spacings_deg(xyz: Float64Array) -> tuple[float, float]:
+def _spacings_deg(scan: ProjectedScan, hits: IntArray) -> tuple[float, float]:
     """Median angles to the nearest neighbours beside and above; NaN where few have one."""
-    azimuth, elevation, planar_m = np.empty(len(xyz)), np.empty(len(xyz)), np.empty(len(xyz))
-    project_points(xyz, azimuth, elevation, planar_m)
-    picked = np.linspace(0, len(xyz) - 1, min(len(xyz), SPACING_SAMPLES)).astype(np.int64)
+    azimuth, elevation = scan.azimuth, scan.elevation
+    picked = hits[np.linspace(0, len(hits) - 1, min(len(hits), SPACING_SAMPLES)).astype(np.int64)]
     found = [np.nan, np.nan]
     for cell_deg in SEARCH_CELLS_DEG:
         columns, rows = round(360.0 / cell_deg), round(229.0 / cell_deg)
-        cells = np.empty(len(xyz), np.int64)
-        cells_of(azimuth, elevation, columns, rows, cells)
-        order, start = sort_by_key(cells, np.arange(len(xyz)), columns * rows)
+        lists = list_by_cell(azimuth, elevation, hits, picked, columns, rows)
         angles = np.empty((3, len(picked)))
-        neighbour_angles(azimuth, elevation, order, start, columns, rows, picked, *angles)
+        neighbour_angles(azimuth, elevation, *lists, columns, rows, picked, *angles)
         for n, angle in enumerate(np.degrees(angles[:2])):
             known = angle[np.isfinite(angle)]
             if np.isnan(found[n]) and len(known) >= 0.5 * len(picked):
@@ -229,3 +228,13 @@ def _beam_count(elevation_deg: FloatArray, lowest: float, highest: float, spacin
     if clear > 0.5 and starts >= 4:
         return starts
     return max(2, round((highest - lowest) / spacing) + 1)
+
+
+def _quantile(values: Float64Array, fraction: float) -> float:
+    """`np.quantile` of finite values, to the bit, in a third of the time."""
+    at = (len(values) - 1) * fraction
+    lower = int(at)
+    upper = min(lower + 1, len(values) - 1)
+    low, high = np.partition(values, (lower, upper))[[lower, upper]]
+    share = at - lower
+    return float(low + (high - low) * share if share < 0.5 else high - (high - low) * (1.0 - share))

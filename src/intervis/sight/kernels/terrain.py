@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from intervis.arrays import BoolArray, Float32Array, Float64Array
+from intervis.arrays import BoolArray, Float32Array, Float64Array, UInt32Array
 from intervis.kernels import kernel
 
 CELL_M = 1.0
@@ -20,28 +20,30 @@ OUTLIER_M = 0.35
 
 
 @kernel
-def lowest_returns(xyz: Float64Array, least: Float32Array) -> None:
-    """Third lowest height of each cell's returns; infinite with fewer than four."""
+def lowest_returns(level: Float64Array, kept: UInt32Array, least: Float32Array) -> None:
+    """Third lowest height of each cell's returns `kept`; infinite with fewer than four.
+
+    `level` (3, N) holds x, y and z of all returns.
+    """
+    x, y, z = level[0], level[1], level[2]
     half = 0.5 * CELLS * CELL_M
-    lows = np.full((CELLS, CELLS, 3), np.inf, np.float32)
-    count = np.zeros((CELLS, CELLS), np.int64)
-    for i in range(len(xyz)):
-        a = int((xyz[i, 0] + half) / CELL_M)
-        b = int((xyz[i, 1] + half) / CELL_M)
+    lows = np.full((CELLS * CELLS, 4), np.inf, np.float32)
+    for i in kept:
+        a = int((x[i] + half) / CELL_M)
+        b = int((y[i] + half) / CELL_M)
         if not (0 <= a < CELLS and 0 <= b < CELLS):
             continue
-        count[a, b] += 1
-        z = xyz[i, 2]
-        low = lows[a, b]
-        if z < low[0]:
-            low[0], low[1], low[2] = z, low[0], low[1]
-        elif z < low[1]:
-            low[1], low[2] = z, low[1]
-        elif z < low[2]:
-            low[2] = z
+        cell, height = a * CELLS + b, z[i]
+        if height < lows[cell, 3]:
+            at = 3
+            while at > 0 and height < lows[cell, at - 1]:
+                lows[cell, at] = lows[cell, at - 1]
+                at -= 1
+            lows[cell, at] = height
     for a in range(CELLS):
         for b in range(CELLS):
-            least[a, b] = lows[a, b, 2] if count[a, b] > 3 else np.inf
+            cell = a * CELLS + b
+            least[a, b] = lows[cell, 2] if np.isfinite(lows[cell, 3]) else np.inf
 
 
 @kernel
