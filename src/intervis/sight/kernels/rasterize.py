@@ -120,29 +120,31 @@ def rasterize(
     rows, bands, columns = image.shape[1], len(spacings), len(start) - 1
     for n in range(len(image)):
         c = (first_column + n) % columns
-        begin, end = int(start[c]), int(start[c + 1])
-        u, q, height_below, row_below = -np.inf, 0.0, 0.0, 0
-        for m in range(begin, end):
+        # Of the return below: e, planar range, height, spacing, row, first row of its own range.
+        u, q, height_u, spacing_u, row_u, first = -np.inf, 1.0, 0.0, 0.0, 0, 0
+        for m in range(int(start[c]), int(start[c + 1])):
             i = order[m]
-            t, r = elevation[i], planar_range[i]
+            t, r, height_t = elevation[i], planar_range[i], height[i]
             spacing = spacings[band_of(t, bands)]
             row = _row(t, lowest, step, rows)
-            first = _row(t - 0.6 * spacing, lowest, step, rows)
-            last = t + 0.6 * spacing
-            if t - u < MAX_GAP_SPACINGS * spacing:
-                if abs(r - q) < MAX_JUMP * min(r, q) or abs(height[i] - height_below) < FLAT_M:
-                    first = row
-                    for k in range(row_below, row):
-                        f = (lowest + k * step - u) / (t - u)
-                        image[n, k] = 1.0 / ((1.0 - f) / q + f / r)
-                else:
-                    first = _row(0.5 * (t + u), lowest, step, rows)
-            if m + 1 < end:
-                above = elevation[order[m + 1]]
-                last = 0.5 * (t + above) if above - t < MAX_GAP_SPACINGS * spacing else last
-            for k in range(first, _row(last, lowest, step, rows)):
-                image[n, k] = r
-            u, q, height_below, row_below = t, r, height[i], row
+            near = t - u < MAX_GAP_SPACINGS * spacing
+            surface = near and (
+                abs(r - q) < MAX_JUMP * min(r, q) or abs(height_t - height_u) < FLAT_M
+            )
+            last = 0.5 * (t + u) if t - u < MAX_GAP_SPACINGS * spacing_u else u + 0.6 * spacing_u
+            stop = _row(last, lowest, step, rows)
+            for k in range(first, min(stop, row_u) if surface else stop):
+                image[n, k] = q
+            if surface:
+                first = row
+                for k in range(row_u, row):
+                    f = (lowest + k * step - u) / (t - u)
+                    image[n, k] = 1.0 / ((1.0 - f) / q + f / r)
+            else:
+                first = _row(0.5 * (t + u) if near else t - 0.6 * spacing, lowest, step, rows)
+            u, q, height_u, spacing_u, row_u = t, r, height_t, spacing, row
+        for k in range(first, _row(u + 0.6 * spacing_u, lowest, step, rows)):
+            image[n, k] = q
 
 
 @kernel
