@@ -138,7 +138,7 @@ def known_cells(rng, share):
 def test_the_lowest_return_of_a_cell_is_its_third_lowest(rng):
     points = rng.uniform([-5, -5, -2], [5, 5, 1], (600, 3))
     lowest = np.empty((terrain.CELLS, terrain.CELLS), np.float32)
-    terrain.lowest_returns(points.T.copy(), indices(len(points)), lowest)
+    terrain.lowest_returns(points.T.copy(), np.arange(len(points)), lowest)
     cells = np.floor(points[:, :2]).astype(int) + terrain.CELLS // 2
     for a in range(59, 69):
         for b in range(59, 69):
@@ -224,7 +224,7 @@ def test_the_sensor_stands_as_high_as_its_ground_says(rng):
     z = np.where(y > 5.0, -1.55, -1.7) + rng.normal(0.0, 0.01, len(x))
     z[:40] = -6.0
     z[(np.abs(x - 8.0) < 2.0) & (np.abs(y) < 0.9)] += 1.4
-    ground = ground_map_of(np.stack([x, y, z]), indices(len(x)))
+    ground = ground_map_of(np.stack([x, y, z]), np.arange(len(x)))
     middle = terrain.CELLS // 2
     assert ground[middle + 8, middle] == pytest.approx(-1.7, abs=0.15 * 2)
     assert ground[middle, middle] == pytest.approx(-1.7, abs=0.05)

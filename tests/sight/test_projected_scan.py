@@ -80,7 +80,7 @@ def test_neighbours_are_found_among_the_cells_around_a_return(seed, count):
 def test_returns_are_sorted_by_column_and_elevation_and_else_keep_their_order(seed, columns):
     rng = np.random.default_rng(seed)
     scan = project_scan(scattered(rng, 400))
-    kept = np.flatnonzero(rng.random(len(scan)) < 0.8).astype(np.uint32)
+    kept = np.flatnonzero(rng.random(len(scan)) < 0.8)
     order, start = sort_into_columns(scan.azimuth, scan.elevation, kept, columns, 64)
     column = np.minimum((scan.azimuth / 8.0 * columns).astype(int), columns - 1)
     fine = np.minimum(((scan.elevation + 2.0) * 16.0).astype(int), 63)
@@ -106,7 +106,9 @@ def test_strays_are_far_beyond_nearly_all_returns(seed, count, strays):
     kept = np.flatnonzero((planar_m >= 0.9) & (planar_m <= 120.0))
     if len(kept):
         kept = kept[planar_m[kept] <= 4.0 * np.quantile(planar_m[kept], 0.999)]
-    assert np.array_equal(_kept(planar_m, HDL_64E), kept)
+    found, farthest_m = _kept(planar_m, HDL_64E)
+    assert np.array_equal(found, kept)
+    assert farthest_m == planar_m[kept].max(initial=0.0)
 
 
 def test_a_range_image_does_not_depend_on_the_number_of_threads(monkeypatch):

@@ -7,7 +7,7 @@ returns and between such cells: a slope that nobody saw is no ground.
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, UInt32Array
+from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.sight.kernels.terrain import (
     CELLS,
     interpolate,
@@ -18,14 +18,14 @@ from intervis.sight.kernels.terrain import (
 )
 
 
-def ground_map_of(level: Float64Array, kept: UInt32Array) -> Float32Array:
+def ground_map_of(level: Float64Array, kept: IntArray) -> Float32Array:
     """Height of the ground around the sensor.
 
     Parameters
     ----------
     level : (3, N) float64 array
         Coordinates x, y, z of a scan, metres, the sensor at the origin, z up along gravity.
-    kept : (M,) uint32 array
+    kept : (M,) int64 array
         Indices of the returns to use, in any order.
 
     Returns
@@ -39,7 +39,7 @@ def ground_map_of(level: Float64Array, kept: UInt32Array) -> Float32Array:
     --------
     >>> x, y = np.meshgrid(np.arange(-9, 9, 0.2), np.arange(-9, 9, 0.2))
     >>> flat = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)])
-    >>> float(ground_map_of(flat, np.arange(x.size, dtype=np.uint32))[64, 64])
+    >>> float(ground_map_of(flat, np.arange(x.size))[64, 64])
     -2.0
     """
     lowest = np.empty((CELLS, CELLS), np.float32)

@@ -22,7 +22,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, FloatArray, Int16Array, UInt32Array
+from intervis.arrays import (
+    Float32Array,
+    Float64Array,
+    FloatArray,
+    Int16Array,
+    IntArray,
+    UInt32Array,
+)
 from intervis.kernels import in_parts
 from intervis.sight.ground_map import ground_map_of
 from intervis.sight.kernels.rasterize import (
@@ -112,11 +119,11 @@ def range_image_of_projected(scan: ProjectedScan, sensor: Sensor) -> RangeImage:
     """The range image of a projected scan; see `range_image_of`."""
     columns = int(np.clip(round(360.0 / (STEPS_PER_COLUMN * sensor.azimuth_step_deg)), 8, 4096))
     usual = np.radians(sensor.beam_spacing_deg)
-    kept = _kept(scan.planar_m, sensor)
-    order, start = sort_into_columns(scan.azimuth, scan.elevation, kept, columns, _SORT_BINS)
-    ground_m = ground_map_of(scan.level, order)
+    kept, farthest_m = _kept(scan.planar_m, sensor)
+    ground_m = ground_map_of(scan.level, kept)
     if len(kept) == 0:
         return RangeImage(np.zeros((columns, 2), np.int16), 1.0, 0.0, float(usual), ground_m, 0)
+    order, start = sort_into_columns(scan.azimuth, scan.elevation, kept, columns, _SORT_BINS)
     spacings = beam_spacings(scan.elevation, order, start, usual, _BANDS)
     elevation = scan.elevation[kept]
     low, high = elevation.min(), elevation.max()
@@ -124,21 +131,25 @@ def range_image_of_projected(scan: ProjectedScan, sensor: Sensor) -> RangeImage:
     lowest = low - 2.0 * spacings.max()
     rows = int((high + 2.0 * spacings.max() - lowest) / step) + 2
     pixels = np.empty((columns, rows), np.int16)
-    unit_m = float(scan.planar_m[kept].max()) / _MAX_UNITS
+    unit_m = farthest_m / _MAX_UNITS
     _draw(scan, order, start, spacings, lowest, step, unit_m, pixels)
     return RangeImage(pixels, unit_m, float(lowest), float(step), ground_m, len(kept))
 
 
-def _kept(planar_m: Float64Array, sensor: Sensor) -> UInt32Array:
-    """Indices of the returns within the sensor's range limits that are no strays."""
+def _kept(planar_m: Float64Array, sensor: Sensor) -> tuple[IntArray, float]:
+    """Indices of the returns in the sensor's range limits without strays, and the farthest."""
     nearest_m = max(sensor.min_range_m, 1e-3)
     kept = np.flatnonzero((planar_m >= nearest_m) & (planar_m <= sensor.max_range_m))
+    if len(kept) == 0:
+        return kept, 0.0
     of_kept = planar_m[kept]
-    # Strays are few. Where many returns are far, the quantile is one of them.
-    far = np.count_nonzero(of_kept > of_kept.max(initial=0.0) / STRAY_FACTOR)
-    if 0 < far <= (1.0 - STRAY_QUANTILE) * len(kept) + 1.0:
-        kept = kept[of_kept <= STRAY_FACTOR * np.quantile(of_kept, STRAY_QUANTILE)]
-    return kept.astype(np.uint32)
+    farthest_m = float(of_kept.max())
+    # Where enough returns are that far, the quantile is one of them: nothing to leave out.
+    far = np.count_nonzero(of_kept > farthest_m / STRAY_FACTOR)
+    if far > (1.0 - STRAY_QUANTILE) * len(kept) + 1.0:
+        return kept, farthest_m
+    near = of_kept <= STRAY_FACTOR * np.quantile(of_kept, STRAY_QUANTILE)
+    return kept[near], float(of_kept[near].max())
 
 
 def _draw(

@@ -169,19 +169,19 @@ def sensor_of_projected(scan: ProjectedScan) -> Sensor:
     far = np.flatnonzero(range_m >= _quantile(range_m, 0.2))[:: max(1, len(hits) // 20_000)]
     sine = scan.xyz[2, hits[far]] / range_m[far]
     elevation_deg = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
-    lowest, highest = np.quantile(elevation_deg, [0.001, 0.999])
+    lowest, highest = _quantile(elevation_deg, 0.001), _quantile(elevation_deg, 0.999)
     beside_deg = beside_deg if beside_deg > 0.0 else above_deg
     if not above_deg > 0.0 or highest - lowest < 0.5 * above_deg:
         # One ring: it observes nothing above and below itself but the width of a beam.
         middle, half = float(np.clip(0.5 * (lowest + highest), -89.0, 89.0)), 0.5 * beside_deg
         lowest, highest, beams = middle - half, middle + half, 1
     else:
-        beams = _beam_count(elevation_deg, float(lowest), float(highest), above_deg)
+        beams = _beam_count(elevation_deg, lowest, highest, above_deg)
     return Sensor(
         "derived",
         beams,
-        max(float(lowest), -90.0),
-        min(float(highest), 90.0),
+        max(lowest, -90.0),
+        min(highest, 90.0),
         float(np.clip(beside_deg, 0.02, 5.0)),
         min(0.5, float(range_m.min())),
         max(GENERIC.max_range_m, float(range_m.max())),
@@ -208,7 +208,8 @@ def _spacings_deg(scan: ProjectedScan, hits: IntArray) -> tuple[float, float]:
     beside, above = found
     known = np.isfinite(angles).all(axis=0)
     if known.any():
-        low, high = np.quantile(angles[2, known] / (angles[0] * angles[1])[known], [0.25, 0.75])
+        scatter = angles[2, known] / (angles[0] * angles[1])[known]
+        low, high = _quantile(scatter, 0.25), _quantile(scatter, 0.75)
         if high > IRREGULAR * low:
             return beside * max(high, 1.0), above * max(high, 1.0)
     return beside, above

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, Int16Array, UInt32Array
+from intervis.arrays import Float32Array, Float64Array, Int16Array, IntArray, UInt32Array
 from intervis.kernels import kernel
 from intervis.sight.kernels.projection import FULL_CIRCLE, ZENITH
 
@@ -17,7 +17,7 @@ AGREEMENT = 0.04
 
 @kernel
 def sort_by_key(
-    key: UInt32Array, order: UInt32Array, count: int
+    key: UInt32Array, order: IntArray | UInt32Array, count: int
 ) -> tuple[UInt32Array, UInt32Array]:
     """Stable counting sort: the order by ascending key, and the first position of each key."""
     start = np.zeros(count + 1, np.uint32)
@@ -35,7 +35,7 @@ def sort_by_key(
 
 @kernel
 def sort_into_columns(
-    azimuth: Float64Array, elevation: Float64Array, kept: UInt32Array, columns: int, bins: int
+    azimuth: Float64Array, elevation: Float64Array, kept: IntArray, columns: int, bins: int
 ) -> tuple[UInt32Array, UInt32Array]:
     """Order of the returns `kept` by column and pseudo-elevation, and where each column begins.
 

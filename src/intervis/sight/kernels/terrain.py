@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from intervis.arrays import BoolArray, Float32Array, Float64Array, UInt32Array
+from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from intervis.kernels import kernel
 
 CELL_M = 1.0
@@ -20,7 +20,7 @@ OUTLIER_M = 0.35
 
 
 @kernel
-def lowest_returns(level: Float64Array, kept: UInt32Array, least: Float32Array) -> None:
+def lowest_returns(level: Float64Array, kept: IntArray, least: Float32Array) -> None:
     """Third lowest height of each cell's returns `kept`; infinite with fewer than four.
 
     `level` (3, N) holds x, y and z of all returns.
@@ -33,13 +33,12 @@ def lowest_returns(level: Float64Array, kept: UInt32Array, least: Float32Array) 
         b = int((y[i] + half) / CELL_M)
         if not (0 <= a < CELLS and 0 <= b < CELLS):
             continue
-        cell, height = a * CELLS + b, z[i]
-        if height < lows[cell, 3]:
-            at = 3
-            while at > 0 and height < lows[cell, at - 1]:
-                lows[cell, at] = lows[cell, at - 1]
-                at -= 1
-            lows[cell, at] = height
+        low, height = lows[a * CELLS + b], np.float32(z[i])
+        # Without a branch: whether a height is among the lowest cannot be predicted.
+        low[3] = min(low[3], max(low[2], height))
+        low[2] = min(low[2], max(low[1], height))
+        low[1] = min(low[1], max(low[0], height))
+        low[0] = min(low[0], height)
     for a in range(CELLS):
         for b in range(CELLS):
             cell = a * CELLS + b
