@@ -56,11 +56,12 @@ def project_scan(
     >>> scan.planar_m, scan.elevation
     (array([5., 2.]), array([0., 2.]))
     """
-    rotation = np.array(np.eye(3) if scene_from_sensor is None else scene_from_sensor[:3, :3])
-    # One block: the allocator keeps it for the next scan instead of returning it to the system.
+    pose = np.eye(4) if scene_from_sensor is None else scene_from_sensor
+    # One large block: glibc then keeps freed memory of that size for the next scan. Smaller ones
+    # are given back to the system, and fresh pages cost more than all that is done here.
     rows = np.empty((10, len(points_velo)))
     scan = ProjectedScan(rows[:3], rows[3:6], *rows[6:])
     scan.xyz[:] = points_velo[:, :3].T
     project_points(scan.xyz, scan.azimuth, scan.elevation, scan.planar_m, scan.range_m)
-    rotate_points(rotation, scan.xyz, scan.level)
+    rotate_points(np.array(pose[:3, :3], np.float64, order="C"), scan.xyz, scan.level)
     return scan

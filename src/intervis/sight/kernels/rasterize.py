@@ -133,6 +133,7 @@ def rasterize(
             )
             last = 0.5 * (t + u) if t - u < MAX_GAP_SPACINGS * spacing_u else u + 0.6 * spacing_u
             stop = _row(last, lowest, step, rows)
+            # A surface covers all rows from the return below on.
             for k in range(first, min(stop, row_u) if surface else stop):
                 image[n, k] = q
             if surface:
