@@ -28,7 +28,8 @@ LAYERS = (
 
 SIGHT_LAYERS = (
     ("kernels",),
-    ("ground_map", "occupancy_model", "sensor"),
+    ("ground_map", "occupancy_model", "projected_scan"),
+    ("sensor",),
     ("answers", "range_image"),
     ("reference", "scan_buffer"),
     ("scene",),

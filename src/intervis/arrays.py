@@ -12,6 +12,7 @@ Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 Int16Array = NDArray[np.int16]
 Int32Array = NDArray[np.int32]
+UInt32Array = NDArray[np.uint32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 

@@ -15,13 +15,17 @@ from intervis.sight.kernels.dynamics import find_bracketing
 from intervis.sight.range_image import range_image_of
 
 
+def indices(count):
+    return np.arange(count, dtype=np.uint32)
+
+
 def columns_of(rng, columns, most):
     """Random returns by column, ascending in tan(elevation): t, rho, order and column starts."""
     counts = rng.integers(0, most + 1, columns)
     start = np.concatenate([[0], np.cumsum(counts)])
     t = np.concatenate([np.sort(rng.uniform(-0.5, 0.5, n)) for n in counts])
     rho = rng.choice([5.0, 5.4, 6.2, 12.0, 40.0], len(t)) * rng.uniform(0.98, 1.02, len(t))
-    return t, rho, np.arange(len(t)), start
+    return t, rho, indices(len(t)), start.astype(np.uint32)
 
 
 def pixel_by_definition(t_of, rho_of, spacing_of, t):
@@ -54,8 +58,11 @@ def test_a_range_image_is_drawn_as_it_is_defined(seed):
     t, rho, order, start = columns_of(rng, columns=6, most=12)
     spacings = rng.uniform(0.01, 0.06, 8)
     lowest, step, rows = -0.6, 0.0103, 120
-    image = np.zeros((6, rows), np.float32)
-    kernels.rasterize(rho, t, t * rho, order, start, spacings, lowest, step, image)
+    # columns are cyclic: two of either side are drawn again beside the others
+    image = np.zeros((10, rows), np.float32)
+    kernels.rasterize(rho, t, t * rho, order, start, spacings, lowest, step, -2, image)
+    assert np.array_equal(image[:2], image[6:8])
+    assert np.array_equal(image[8:], image[2:4])
 
     def spacing_of(tan_elevation):
         return spacings[min(int((tan_elevation + 2.0) / 4.0 * 8), 7)]
@@ -74,7 +81,7 @@ def test_a_range_image_is_drawn_as_it_is_defined(seed):
             for c in range(6)
         ]
     )
-    np.testing.assert_allclose(image, expected, rtol=1e-5)
+    np.testing.assert_allclose(image[2:-2], expected, rtol=1e-5)
 
 
 def test_surfaces_are_those_that_three_of_four_neighbours_agree_with(rng):
@@ -82,7 +89,8 @@ def test_surfaces_are_those_that_three_of_four_neighbours_agree_with(rng):
     image = rng.choice([0.0, 10.0, 10.2, 10.5, 12.0], (40, 60)).astype(np.float32)
     far, units_per_m = 3, 100.0
     pixels = np.empty(image.shape, np.int16)
-    kernels.quantize(image, far, units_per_m, pixels)
+    bordered = np.pad(np.pad(image, ((2, 2), (0, 0)), mode="wrap"), ((0, 0), (far, far)))
+    kernels.quantize(bordered, far, units_per_m, pixels)
     agree = np.zeros(image.shape, int)
     beside = np.stack([np.roll(image, 1, 0), np.roll(image, -1, 0)])
     # a column without a return between two with one takes the nearer range
@@ -112,8 +120,8 @@ def test_beam_spacings_are_medians_of_their_bands(rng):
     coarse, fine = np.arange(-1.0, -0.2, 0.02), np.arange(0.0, 0.4, 0.005)
     t = np.tile(np.concatenate([coarse, fine]), 50)
     beams = len(coarse) + len(fine)
-    start = np.arange(0, len(t) + 1, beams)
-    spacings = kernels.beam_spacings(t, np.arange(len(t)), start, 0.01, 40)
+    start = np.arange(0, len(t) + 1, beams, dtype=np.uint32)
+    spacings = kernels.beam_spacings(t, indices(len(t)), start, 0.01, 40)
     band = [int((value + 2.0) / 4.0 * 40) for value in (-0.8, 0.2)]
     assert spacings[band[0]] == pytest.approx(0.02, rel=0.1)
     assert spacings[band[1]] == pytest.approx(0.005, abs=0.001)
@@ -130,7 +138,7 @@ def known_cells(rng, share):
 def test_the_lowest_return_of_a_cell_is_its_third_lowest(rng):
     points = rng.uniform([-5, -5, -2], [5, 5, 1], (600, 3))
     lowest = np.empty((terrain.CELLS, terrain.CELLS), np.float32)
-    terrain.lowest_returns(points, lowest)
+    terrain.lowest_returns(points.T.copy(), np.arange(len(points)), lowest)
     cells = np.floor(points[:, :2]).astype(int) + terrain.CELLS // 2
     for a in range(59, 69):
         for b in range(59, 69):
@@ -216,7 +224,7 @@ def test_the_sensor_stands_as_high_as_its_ground_says(rng):
     z = np.where(y > 5.0, -1.55, -1.7) + rng.normal(0.0, 0.01, len(x))
     z[:40] = -6.0
     z[(np.abs(x - 8.0) < 2.0) & (np.abs(y) < 0.9)] += 1.4
-    ground = ground_map_of(np.column_stack([x, y, z]))
+    ground = ground_map_of(np.stack([x, y, z]), np.arange(len(x)))
     middle = terrain.CELLS // 2
     assert ground[middle + 8, middle] == pytest.approx(-1.7, abs=0.15 * 2)
     assert ground[middle, middle] == pytest.approx(-1.7, abs=0.05)

@@ -103,7 +103,7 @@ def test_ground_rises_with_a_hill_and_not_with_what_stands_on_it(rng):
     z = -1.7 + 0.05 * x
     z[(abs(x - 10) < 2) & (abs(y) < 1)] += 1.5  # a car
     z[:50] = -9.0  # reflections from under the road
-    ground_m = ground_map_of(np.column_stack([x, y, z]))
+    ground_m = ground_map_of(np.stack([x, y, z]), np.arange(len(x)))
     middle = (np.arange(CELLS) + 0.5 - CELLS // 2) * CELL_M
     inside = abs(middle) < 48
     off = ground_m - (-1.7 + 0.05 * middle)[:, None]
@@ -112,7 +112,7 @@ def test_ground_rises_with_a_hill_and_not_with_what_stands_on_it(rng):
 
 
 def test_ground_without_returns_is_unknown():
-    assert np.isnan(ground_map_of(np.empty((0, 3)))).all()
+    assert np.isnan(ground_map_of(np.empty((3, 0)), np.arange(0))).all()
 
 
 @pytest.mark.parametrize("name", sorted(SENSORS))

@@ -8,7 +8,7 @@ assumption for the prior alone: the height of the nearest known cell, marked by 
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array
+from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.sight.kernels.terrain import (
     CELLS,
     assume_ground,
@@ -20,13 +20,15 @@ from intervis.sight.kernels.terrain import (
 )
 
 
-def ground_map_of(points_level: Float64Array) -> Float32Array:
+def ground_map_of(level: Float64Array, kept: IntArray) -> Float32Array:
     """Height of the ground around the sensor.
 
     Parameters
     ----------
-    points_level : (N, 3) float64 array
-        A scan, metres, the sensor at the origin, z up along gravity.
+    level : (3, N) float64 array
+        Coordinates x, y, z of a scan, metres, the sensor at the origin, z up along gravity.
+    kept : (M,) int64 array
+        Indices of the returns to use, in any order.
 
     Returns
     -------
@@ -39,13 +41,13 @@ def ground_map_of(points_level: Float64Array) -> Float32Array:
     Examples
     --------
     >>> x, y = np.meshgrid(np.arange(-9, 9, 0.2), np.arange(-9, 9, 0.2))
-    >>> flat = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1)
-    >>> float(ground_map_of(flat)[64, 64])
+    >>> flat = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)])
+    >>> float(ground_map_of(flat, np.arange(x.size))[64, 64])
     -2.0
     """
     lowest = np.empty((CELLS, CELLS), np.float32)
     height = np.empty((CELLS, CELLS), np.float32)
-    lowest_returns(points_level, lowest)
+    lowest_returns(level, kept, lowest)
     remove_outliers(lowest, height)
     remove_below_nearer(height)
     known = np.isfinite(height)

@@ -22,10 +22,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, FloatArray, Int16Array
+from intervis.arrays import (
+    Float32Array,
+    Float64Array,
+    FloatArray,
+    Int16Array,
+    IntArray,
+    UInt32Array,
+)
+from intervis.kernels import in_parts
 from intervis.sight.ground_map import ground_map_of
-from intervis.sight.kernels.projection import FULL_CIRCLE, ZENITH, project_points
-from intervis.sight.kernels.rasterize import beam_spacings, quantize, rasterize, sort_by_key
+from intervis.sight.kernels.rasterize import (
+    beam_spacings,
+    quantize,
+    rasterize,
+    sort_into_columns,
+)
+from intervis.sight.projected_scan import ProjectedScan, project_scan
 from intervis.sight.sensor import Sensor
 
 STEPS_PER_COLUMN = 1.0
@@ -36,6 +49,8 @@ _MAX_UNITS = 32767.0
 _BANDS = 40
 _SORT_BINS = 16384
 _MAX_ROWS = 1024
+COLUMNS_PER_PART = 256
+"""Fewer columns are not worth a thread."""
 STRAY_FACTOR, STRAY_QUANTILE = 4.0, 0.999
 """Returns farther than so many times this quantile of the planar ranges are strays. One of them
 would coarsen the unit of all pixels."""
@@ -97,40 +112,74 @@ def range_image_of(
     >>> round(float(image.unit_m * np.abs(image.pixels).max()), 2)
     10.0
     """
-    xyz = np.ascontiguousarray(points_velo[:, :3], dtype=np.float64)
-    azimuth, elevation, planar_m = np.empty(len(xyz)), np.empty(len(xyz)), np.empty(len(xyz))
-    project_points(xyz, azimuth, elevation, planar_m)
-    kept = np.flatnonzero(
-        (planar_m >= max(sensor.min_range_m, 1e-3)) & (planar_m <= sensor.max_range_m)
-    )
+    return range_image_of_projected(project_scan(points_velo, scene_from_sensor), sensor)
+
+
+def range_image_of_projected(scan: ProjectedScan, sensor: Sensor) -> RangeImage:
+    """The range image of a projected scan; see `range_image_of`."""
     columns = int(np.clip(round(360.0 / (STEPS_PER_COLUMN * sensor.azimuth_step_deg)), 8, 4096))
     usual = np.radians(sensor.beam_spacing_deg)
+    kept, farthest_m = _kept(scan.planar_m, sensor)
+    ground_m = ground_map_of(scan.level, kept)
     if len(kept) == 0:
-        empty = np.zeros((columns, 2), np.int16)
-        return RangeImage(empty, 1.0, 0.0, float(usual), ground_map_of(xyz[:0]), 0)
-    limit_m = STRAY_FACTOR * np.quantile(planar_m[kept], STRAY_QUANTILE)
-    if planar_m[kept].max() > limit_m:
-        kept = kept[planar_m[kept] <= limit_m]
-
-    column, fine = np.zeros(len(xyz), np.int64), np.zeros(len(xyz), np.int64)
-    column[kept] = np.minimum(azimuth[kept] * (columns / FULL_CIRCLE), columns - 1)
-    fine[kept] = np.minimum(
-        (elevation[kept] + ZENITH) * (_SORT_BINS / (2.0 * ZENITH)), _SORT_BINS - 1
-    )
-    order, _ = sort_by_key(fine, kept, _SORT_BINS)
-    order, start = sort_by_key(column, order, columns)
-    spacings = beam_spacings(elevation, order, start, usual, _BANDS)
-
-    low, high = elevation[order].min(), elevation[order].max()
+        return RangeImage(np.zeros((columns, 2), np.int16), 1.0, 0.0, float(usual), ground_m, 0)
+    order, start = sort_into_columns(scan.azimuth, scan.elevation, kept, columns, _SORT_BINS)
+    spacings = beam_spacings(scan.elevation, order, start, usual, _BANDS)
+    elevation = scan.elevation[kept]
+    low, high = elevation.min(), elevation.max()
     step = max(spacings.min() / ROWS_PER_BEAM, (high - low) / _MAX_ROWS)
     lowest = low - 2.0 * spacings.max()
     rows = int((high + 2.0 * spacings.max() - lowest) / step) + 2
-    image = np.zeros((columns, rows), np.float32)
-    xyz_level = xyz if scene_from_sensor is None else xyz @ scene_from_sensor[:3, :3].T
-    height = xyz_level[:, 2]
-    rasterize(planar_m, elevation, height, order, start, spacings, lowest, step, image)
-    unit_m = float(planar_m[order].max()) / _MAX_UNITS
     pixels = np.empty((columns, rows), np.int16)
-    quantize(image, round(ROWS_PER_BEAM), 1.0 / unit_m, pixels)
-    ground_m = ground_map_of(xyz_level[kept])
+    unit_m = farthest_m / _MAX_UNITS
+    _draw(scan, order, start, spacings, lowest, step, unit_m, pixels)
     return RangeImage(pixels, unit_m, float(lowest), float(step), ground_m, len(kept))
+
+
+def _kept(planar_m: Float64Array, sensor: Sensor) -> tuple[IntArray, float]:
+    """Indices of the returns in the sensor's range limits without strays, and the farthest."""
+    nearest_m = max(sensor.min_range_m, 1e-3)
+    kept = np.flatnonzero((planar_m >= nearest_m) & (planar_m <= sensor.max_range_m))
+    if len(kept) == 0:
+        return kept, 0.0
+    of_kept = planar_m[kept]
+    farthest_m = float(of_kept.max())
+    # Where enough returns are that far, the quantile is one of them: nothing to leave out.
+    far = np.count_nonzero(of_kept > farthest_m / STRAY_FACTOR)
+    if far > (1.0 - STRAY_QUANTILE) * len(kept) + 1.0:
+        return kept, farthest_m
+    near = of_kept <= STRAY_FACTOR * np.quantile(of_kept, STRAY_QUANTILE)
+    return kept[near], float(of_kept[near].max())
+
+
+def _draw(
+    scan: ProjectedScan,
+    order: UInt32Array,
+    start: UInt32Array,
+    spacings: Float64Array,
+    lowest: float,
+    step: float,
+    unit_m: float,
+    pixels: Int16Array,
+) -> None:
+    """Draw the pixels from returns sorted into columns, a part of the columns at a time."""
+    far = round(ROWS_PER_BEAM)
+    rows = pixels.shape[1]
+
+    def draw(begin: int, end: int) -> None:
+        image = np.zeros((end - begin + 4, rows + 2 * far), np.float32)
+        rasterize(
+            scan.planar_m,
+            scan.elevation,
+            scan.level[2],
+            order,
+            start,
+            spacings,
+            lowest,
+            step,
+            begin - 2,
+            image[:, far:-far],
+        )
+        quantize(image, far, 1.0 / unit_m, pixels[begin:end])
+
+    in_parts(draw, len(pixels), least=COLUMNS_PER_PART)

@@ -24,9 +24,10 @@ from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE, answer_lines, sum_lines
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.occupancy_model import VISIBLE_MIN_PROBABILITY
-from intervis.sight.range_image import range_image_of
+from intervis.sight.projected_scan import project_scan
+from intervis.sight.range_image import range_image_of_projected
 from intervis.sight.scan_buffer import ScanBuffer
-from intervis.sight.sensor import Sensor, sensor_named, sensor_of_scan
+from intervis.sight.sensor import Sensor, sensor_named, sensor_of_projected
 from intervis.transform import checked_pose
 
 __all__ = ["OCCLUDED", "UNKNOWN", "VISIBLE", "Scene", "Sight"]
@@ -219,9 +220,10 @@ class Scene:
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         finite = finite_rows(xyz)
         kept = xyz if finite.all() else xyz[finite]
-        sensor = sensor_of_scan(kept) if self.sensor is None else self.sensor
+        scan = project_scan(kept, scene_from_sensor)
+        sensor = sensor_of_projected(scan) if self.sensor is None else self.sensor
         time_s = np.nan if timestamp_s is None else _finite("timestamp_s", timestamp_s, "seconds")
-        image = range_image_of(kept, sensor, scene_from_sensor)
+        image = range_image_of_projected(scan, sensor)
         self._buffer.add(image, scene_from_sensor, time_s)
 
     def sight(

@@ -6,11 +6,10 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from intervis.arrays import Float64Array, FloatArray
+from intervis.arrays import Float64Array, FloatArray, IntArray
 from intervis.errors import SettingsError
-from intervis.sight.kernels.beam_pattern import cells_of, neighbour_angles
-from intervis.sight.kernels.projection import project_points
-from intervis.sight.kernels.rasterize import sort_by_key
+from intervis.sight.kernels.beam_pattern import list_by_cell, neighbour_angles
+from intervis.sight.projected_scan import ProjectedScan, project_scan
 
 NO_RETURN_M = 0.1
 """Nearer rows are beams without a return: (0, 0, 0), or an offset of the calibration."""
@@ -154,32 +153,35 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     >>> sensor.beams, round(sensor.highest_deg), round(sensor.azimuth_step_deg, 1)
     (16, 15, 0.4)
     """
-    xyz = np.ascontiguousarray(points_velo[:, :3], dtype=np.float64)
-    range_m = np.sqrt(np.einsum("ij,ij->i", xyz, xyz))
-    beyond = range_m > NO_RETURN_M
-    if not beyond.all():
-        xyz, range_m = xyz[beyond], range_m[beyond]
-    if len(xyz) < MIN_RETURNS:
+    return sensor_of_projected(project_scan(points_velo))
+
+
+def sensor_of_projected(scan: ProjectedScan) -> Sensor:
+    """The sensor of a projected scan; see `sensor_of_scan`."""
+    hits = np.flatnonzero(scan.range_m > NO_RETURN_M)
+    if len(hits) < MIN_RETURNS:
         return GENERIC
-    beside_deg, above_deg = _spacings_deg(xyz)
+    beside_deg, above_deg = _spacings_deg(scan, hits)
     if not beside_deg > 0.0 and not above_deg > 0.0:
         return GENERIC
     # Beams do not leave one point: near returns are seen at other elevations than far ones.
-    far = np.flatnonzero(range_m >= np.quantile(range_m, 0.2))[:: max(1, len(xyz) // 20_000)]
-    elevation_deg = np.degrees(np.arcsin(np.clip(xyz[far, 2] / range_m[far], -1.0, 1.0)))
-    lowest, highest = np.quantile(elevation_deg, [0.001, 0.999])
+    range_m = scan.range_m[hits]
+    far = np.flatnonzero(range_m >= _quantile(range_m, 0.2))[:: max(1, len(hits) // 20_000)]
+    sine = scan.xyz[2, hits[far]] / range_m[far]
+    elevation_deg = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
+    lowest, highest = _quantile(elevation_deg, 0.001), _quantile(elevation_deg, 0.999)
     beside_deg = beside_deg if beside_deg > 0.0 else above_deg
     if not above_deg > 0.0 or highest - lowest < 0.5 * above_deg:
         # One ring: it observes nothing above and below itself but the width of a beam.
         middle, half = float(np.clip(0.5 * (lowest + highest), -89.0, 89.0)), 0.5 * beside_deg
         lowest, highest, beams = middle - half, middle + half, 1
     else:
-        beams = _beam_count(elevation_deg, float(lowest), float(highest), above_deg)
+        beams = _beam_count(elevation_deg, lowest, highest, above_deg)
     return Sensor(
         "derived",
         beams,
-        max(float(lowest), -90.0),
-        min(float(highest), 90.0),
+        max(lowest, -90.0),
+        min(highest, 90.0),
         float(np.clip(beside_deg, 0.02, 5.0)),
         min(0.5, float(range_m.min())),
         max(GENERIC.max_range_m, float(range_m.max())),
@@ -187,19 +189,16 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     )
 
 
-def _spacings_deg(xyz: Float64Array) -> tuple[float, float]:
+def _spacings_deg(scan: ProjectedScan, hits: IntArray) -> tuple[float, float]:
     """Median angles to the nearest neighbours beside and above; NaN where few have one."""
-    azimuth, elevation, planar_m = np.empty(len(xyz)), np.empty(len(xyz)), np.empty(len(xyz))
-    project_points(xyz, azimuth, elevation, planar_m)
-    picked = np.linspace(0, len(xyz) - 1, min(len(xyz), SPACING_SAMPLES)).astype(np.int64)
+    azimuth, elevation = scan.azimuth, scan.elevation
+    picked = hits[np.linspace(0, len(hits) - 1, min(len(hits), SPACING_SAMPLES)).astype(np.int64)]
     found = [np.nan, np.nan]
     for cell_deg in SEARCH_CELLS_DEG:
         columns, rows = round(360.0 / cell_deg), round(229.0 / cell_deg)
-        cells = np.empty(len(xyz), np.int64)
-        cells_of(azimuth, elevation, columns, rows, cells)
-        order, start = sort_by_key(cells, np.arange(len(xyz)), columns * rows)
+        lists = list_by_cell(azimuth, elevation, hits, picked, columns, rows)
         angles = np.empty((3, len(picked)))
-        neighbour_angles(azimuth, elevation, order, start, columns, rows, picked, *angles)
+        neighbour_angles(azimuth, elevation, *lists, columns, rows, picked, *angles)
         for n, angle in enumerate(np.degrees(angles[:2])):
             known = angle[np.isfinite(angle)]
             if np.isnan(found[n]) and len(known) >= 0.5 * len(picked):
@@ -209,7 +208,8 @@ def _spacings_deg(xyz: Float64Array) -> tuple[float, float]:
     beside, above = found
     known = np.isfinite(angles).all(axis=0)
     if known.any():
-        low, high = np.quantile(angles[2, known] / (angles[0] * angles[1])[known], [0.25, 0.75])
+        scatter = angles[2, known] / (angles[0] * angles[1])[known]
+        low, high = _quantile(scatter, 0.25), _quantile(scatter, 0.75)
         if high > IRREGULAR * low:
             return beside * max(high, 1.0), above * max(high, 1.0)
     return beside, above
@@ -229,3 +229,13 @@ def _beam_count(elevation_deg: FloatArray, lowest: float, highest: float, spacin
     if clear > 0.5 and starts >= 4:
         return starts
     return max(2, round((highest - lowest) / spacing) + 1)
+
+
+def _quantile(values: Float64Array, fraction: float) -> float:
+    """`np.quantile` of finite values, to the bit, in a third of the time."""
+    at = (len(values) - 1) * fraction
+    lower = int(at)
+    upper = min(lower + 1, len(values) - 1)
+    low, high = np.partition(values, (lower, upper))[[lower, upper]]
+    share = at - lower
+    return float(low + (high - low) * share if share < 0.5 else high - (high - low) * (1.0 - share))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from intervis.arrays import Float64Array, IntArray
+from intervis.arrays import Float64Array, Int32Array, IntArray
 from intervis.kernels import kernel
 from intervis.sight.kernels.projection import FULL_CIRCLE
 
@@ -24,11 +24,44 @@ def direction_scale(pseudo_elevation: float) -> tuple[float, float]:
 
 
 @kernel
+def list_by_cell(
+    azimuth: Float64Array,
+    elevation: Float64Array,
+    hits: IntArray,
+    picked: IntArray,
+    columns: int,
+    rows: int,
+) -> tuple[Int32Array, Int32Array]:
+    """Lists of the returns `hits` in each cell of 3 x 3 around a picked return.
+
+    The cells are those of a grid of `rows` x `columns` over the pseudo-angles, row by row. Returns
+    the first return of each cell's list, -1 if it is empty, -2 if the cell is around no picked
+    return; and the return that follows each return, -1 after the last.
+    """
+    first = np.full(rows * columns, -2, np.int32)
+    for i in picked:
+        c, r = cell_of(azimuth[i], elevation[i], columns, rows)
+        for row in range(max(r - 1, 0), min(r + 2, rows)):
+            for shift in range(-1, 2):
+                first[row * columns + (c + shift) % columns] = -1
+    cells = np.empty(len(azimuth), np.int32)
+    for i in range(len(azimuth)):
+        c, r = cell_of(azimuth[i], elevation[i], columns, rows)
+        cells[i] = r * columns + c
+    following = np.empty(len(azimuth), np.int32)
+    for i in hits:
+        if first[cells[i]] != -2:
+            following[i] = first[cells[i]]
+            first[cells[i]] = i
+    return first, following
+
+
+@kernel
 def neighbour_angles(
     azimuth: Float64Array,
     elevation: Float64Array,
-    order: IntArray,
-    start: IntArray,
+    first: Int32Array,
+    following: Int32Array,
     columns: int,
     rows: int,
     picked: IntArray,
@@ -40,32 +73,29 @@ def neighbour_angles(
 
     `solid_angle` becomes the mean solid angle of one return around the picked one, steradians.
 
-    `order` lists the returns by cell, row by row of a grid of `rows` x `columns` cells over the
-    pseudo-angles; those of cell k start at `start[k]`. Only the 3 x 3 cells around a return are
-    searched. NaN: no neighbour there.
+    `first` and `following` are those of `list_by_cell`. Only the 3 x 3 cells around a return are
+    searched. Infinite: no neighbour there.
     """
     for n in range(len(picked)):
         i = picked[n]
-        beside[n], above[n] = np.nan, np.nan
+        least_beside, least_above = np.inf, np.inf
         per_azimuth, per_elevation = direction_scale(elevation[i])
         c, r = cell_of(azimuth[i], elevation[i], columns, rows)
         around = 0
         for row in range(max(r - 1, 0), min(r + 2, rows)):
             for shift in range(-1, 2):
-                cell = row * columns + (c + shift) % columns
-                around += start[cell + 1] - start[cell]
-                for m in range(start[cell], start[cell + 1]):
-                    j = order[m]
+                j = first[row * columns + (c + shift) % columns]
+                while j >= 0:
+                    around += 1
                     turn = abs(azimuth[i] - azimuth[j])
                     across = min(turn, FULL_CIRCLE - turn) * per_azimuth
                     up = abs(elevation[i] - elevation[j]) * per_elevation
                     angle = np.sqrt(across * across + up * up)
-                    if angle < SAME_RAD:
-                        continue
-                    if up <= CONE * across and not beside[n] <= angle:
-                        beside[n] = angle
-                    if across <= CONE * up and not above[n] <= angle:
-                        above[n] = angle
+                    angle = angle if angle >= SAME_RAD else np.inf
+                    least_beside = min(least_beside, angle if up <= CONE * across else np.inf)
+                    least_above = min(least_above, angle if across <= CONE * up else np.inf)
+                    j = following[j]
+        beside[n], above[n] = least_beside, least_above
         cells = 9.0 * (per_azimuth * FULL_CIRCLE / columns) * (per_elevation * 4.0 / rows)
         solid_angle[n] = cells / around
 
@@ -75,13 +105,3 @@ def cell_of(azimuth: float, elevation: float, columns: int, rows: int) -> tuple[
     """Column and row of the grid of `neighbour_angles`."""
     column = min(int(azimuth / FULL_CIRCLE * columns), columns - 1)
     return column, min(max(int((elevation + 2.0) / 4.0 * rows), 0), rows - 1)
-
-
-@kernel
-def cells_of(
-    azimuth: Float64Array, elevation: Float64Array, columns: int, rows: int, cells: IntArray
-) -> None:
-    """Cell of each return in the grid of `neighbour_angles`."""
-    for i in range(len(azimuth)):
-        column, row = cell_of(azimuth[i], elevation[i], columns, rows)
-        cells[i] = row * columns + column

@@ -50,12 +50,28 @@ def pseudo_elevation(rho: float, z: float) -> float:
 
 @kernel
 def project_points(
-    xyz: Float64Array, azimuth: Float64Array, elevation: Float64Array, planar_range: Float64Array
+    xyz: Float64Array,
+    azimuth: Float64Array,
+    elevation: Float64Array,
+    planar_range: Float64Array,
+    distance: Float64Array,
 ) -> None:
-    """Pseudo-azimuth, pseudo-elevation and planar range of points in the sensor's frame."""
-    for i in range(len(xyz)):
-        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        rho = np.sqrt(x * x + y * y)
-        azimuth[i] = pseudo_azimuth(x, y)
-        elevation[i] = pseudo_elevation(rho, z)
-        planar_range[i] = max(rho, abs(z))
+    """Pseudo-angles, planar range and distance of points (3, N) in the sensor's frame."""
+    x, y, z = xyz[0], xyz[1], xyz[2]
+    for i in range(len(x)):
+        u, v, w = x[i], y[i], z[i]
+        rho = np.sqrt(u * u + v * v)
+        azimuth[i] = pseudo_azimuth(u, v)
+        elevation[i] = pseudo_elevation(rho, w)
+        planar_range[i] = max(rho, abs(w))
+        distance[i] = np.sqrt(u * u + w * w + v * v)
+
+
+@kernel
+def rotate_points(rotation: Float64Array, xyz: Float64Array, rotated: Float64Array) -> None:
+    """Rotate points (3, N) by (3, 3)."""
+    x, y, z = xyz[0], xyz[1], xyz[2]
+    for axis in range(3):
+        a, b, c = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2]
+        for i in range(len(x)):
+            rotated[axis, i] = a * x[i] + b * y[i] + c * z[i]

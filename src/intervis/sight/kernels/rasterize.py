@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, Int16Array, IntArray
+from intervis.arrays import Float32Array, Float64Array, Int16Array, IntArray, UInt32Array
 from intervis.kernels import kernel
-from intervis.sight.kernels.projection import ZENITH
+from intervis.sight.kernels.projection import FULL_CIRCLE, ZENITH
 
 MAX_JUMP, FLAT_M = 0.2, 0.25
 """Two returns lie on one surface if their planar ranges differ by less than this fraction, or their
@@ -16,15 +16,17 @@ AGREEMENT = 0.04
 
 
 @kernel
-def sort_by_key(key: IntArray, order: IntArray, count: int) -> tuple[IntArray, IntArray]:
+def sort_by_key(
+    key: UInt32Array, order: IntArray | UInt32Array, count: int
+) -> tuple[UInt32Array, UInt32Array]:
     """Stable counting sort: the order by ascending key, and the first position of each key."""
-    start = np.zeros(count + 1, np.int64)
+    start = np.zeros(count + 1, np.uint32)
     for i in order:
         start[key[i] + 1] += 1
     for k in range(count):
         start[k + 1] += start[k]
     place = start[:-1].copy()
-    result = np.empty(len(order), np.int64)
+    result = np.empty(len(order), np.uint32)
     for i in order:
         result[place[key[i]]] = i
         place[key[i]] += 1
@@ -32,8 +34,25 @@ def sort_by_key(key: IntArray, order: IntArray, count: int) -> tuple[IntArray, I
 
 
 @kernel
+def sort_into_columns(
+    azimuth: Float64Array, elevation: Float64Array, kept: IntArray, columns: int, bins: int
+) -> tuple[UInt32Array, UInt32Array]:
+    """Order of the returns `kept` by column and pseudo-elevation, and where each column begins.
+
+    The pseudo-elevation counts in `bins` steps; equal returns stay in their order.
+    """
+    column, fine = np.empty(len(azimuth), np.uint32), np.empty(len(azimuth), np.uint32)
+    columns_per_unit, bins_per_unit = columns / FULL_CIRCLE, bins / (2.0 * ZENITH)
+    for i in range(len(azimuth)):
+        column[i] = min(azimuth[i] * columns_per_unit, columns - 1.0)
+        fine[i] = min((elevation[i] + ZENITH) * bins_per_unit, bins - 1.0)
+    order, _ = sort_by_key(fine, kept, bins)
+    return sort_by_key(column, order, columns)
+
+
+@kernel
 def beam_spacings(
-    elevation: Float64Array, order: IntArray, start: IntArray, usual: float, bands: int
+    elevation: Float64Array, order: UInt32Array, start: UInt32Array, usual: float, bands: int
 ) -> Float64Array:
     """Median step in pseudo-elevation between neighbouring beams, by band from the lowest up.
 
@@ -44,12 +63,14 @@ def beam_spacings(
     least = 0.25 * usual
     count = np.zeros((bands, bins), np.int64)
     for c in range(len(start) - 1):
-        for m in range(start[c] + 1, start[c + 1]):
-            low, high = elevation[order[m - 1]], elevation[order[m]]
+        low = np.inf
+        for m in range(start[c], start[c + 1]):
+            high = elevation[order[m]]
             step = high - low
             if least < step < 8.0 * usual:
                 band = band_of(0.5 * (low + high), bands)
                 count[band, int((step - least) / (7.75 * usual) * bins)] += 1
+            low = high
     spacings = np.full(bands, -1.0)
     for band in range(bands):
         total = count[band].sum()
@@ -82,41 +103,49 @@ def rasterize(
     planar_range: Float64Array,
     elevation: Float64Array,
     height: Float64Array,
-    order: IntArray,
-    start: IntArray,
+    order: UInt32Array,
+    start: UInt32Array,
     spacings: Float64Array,
     lowest: float,
     step: float,
+    first_column: int,
     image: Float32Array,
 ) -> None:
-    """Fill each column of the image with the polyline of its returns in (e, 1 / planar range).
+    """Fill columns of an empty image with the polylines of their returns in (e, 1 / planar range).
 
     `order` lists the returns by column and pseudo-elevation e, those of column c from `start[c]`
-    on. `height` is measured along gravity. Row k of the image lies at e = lowest + k step.
+    on. `height` is measured along gravity. Row k of the image lies at e = lowest + k step, its
+    first column is `first_column`, which may be negative: columns are cyclic.
     """
-    columns, rows = image.shape
-    bands = len(spacings)
-    for c in range(columns):
-        for m in range(start[c], start[c + 1]):
+    rows, bands, columns = image.shape[1], len(spacings), len(start) - 1
+    for n in range(len(image)):
+        c = (first_column + n) % columns
+        # Of the return below: e, planar range, height, spacing, row, first row of its own range.
+        u, q, height_u, spacing_u, row_u, first = -np.inf, 1.0, 0.0, 0.0, 0, 0
+        for m in range(int(start[c]), int(start[c + 1])):
             i = order[m]
-            t, r = elevation[i], planar_range[i]
+            t, r, height_t = elevation[i], planar_range[i], height[i]
             spacing = spacings[band_of(t, bands)]
-            first = t - 0.6 * spacing
-            last = t + 0.6 * spacing
-            if m > start[c] and t - elevation[order[m - 1]] < MAX_GAP_SPACINGS * spacing:
-                j = order[m - 1]
-                u, q = elevation[j], planar_range[j]
-                first = 0.5 * (t + u)
-                if abs(r - q) < MAX_JUMP * min(r, q) or abs(height[i] - height[j]) < FLAT_M:
-                    first = t
-                    for k in range(_row(u, lowest, step, rows), _row(t, lowest, step, rows)):
-                        f = (lowest + k * step - u) / (t - u)
-                        image[c, k] = 1.0 / ((1.0 - f) / q + f / r)
-            if m + 1 < start[c + 1]:
-                u = elevation[order[m + 1]]
-                last = 0.5 * (t + u) if u - t < MAX_GAP_SPACINGS * spacing else last
-            for k in range(_row(first, lowest, step, rows), _row(last, lowest, step, rows)):
-                image[c, k] = r
+            row = _row(t, lowest, step, rows)
+            near = t - u < MAX_GAP_SPACINGS * spacing
+            surface = near and (
+                abs(r - q) < MAX_JUMP * min(r, q) or abs(height_t - height_u) < FLAT_M
+            )
+            last = 0.5 * (t + u) if t - u < MAX_GAP_SPACINGS * spacing_u else u + 0.6 * spacing_u
+            stop = _row(last, lowest, step, rows)
+            # A surface covers all rows from the return below on.
+            for k in range(first, min(stop, row_u) if surface else stop):
+                image[n, k] = q
+            if surface:
+                first = row
+                for k in range(row_u, row):
+                    f = (lowest + k * step - u) / (t - u)
+                    image[n, k] = 1.0 / ((1.0 - f) / q + f / r)
+            else:
+                first = _row(0.5 * (t + u) if near else t - 0.6 * spacing, lowest, step, rows)
+            u, q, height_u, spacing_u, row_u = t, r, height_t, spacing, row
+        for k in range(first, _row(u + 0.6 * spacing_u, lowest, step, rows)):
+            image[n, k] = q
 
 
 @kernel
@@ -132,33 +161,52 @@ def quantize(image: Float32Array, far: int, units_per_m: float, pixels: Int16Arr
     The neighbours above and below are `far` rows away, one beam, and may differ twice as much. If
     both were not observed (a single ring), they count as one that agrees. A column that its beam
     missed takes the nearer range of its neighbours, and the next column is its neighbour's.
+
+    The image has a border of two columns and of `far` rows around the pixels.
     """
-    columns, rows = image.shape
+    columns, rows = pixels.shape
     for c in range(columns):
-        left, left_but_one = image[c - 1], image[c - 2]
-        right, right_but_one = image[(c + 1) % columns], image[(c + 2) % columns]
-        here = image[c]
+        below, here, above = image[c + 2], image[c + 2, far:], image[c + 2, 2 * far :]
+        left_but_one, left = image[c, far:], image[c + 1, far:]
+        right, right_but_one = image[c + 3, far:], image[c + 4, far:]
+        units = pixels[c]
         for k in range(rows):
-            r = here[k]
-            pixels[c, k] = 0
-            if r == 0.0:  # azimuths jitter: a beam may miss a column between two that it hits
-                if left[k] == 0.0 or right[k] == 0.0:
-                    continue
-                r = min(left[k], right[k])
-            at_left = left[k] if left[k] > 0.0 else left_but_one[k]
-            at_right = right[k] if right[k] > 0.0 else right_but_one[k]
-            agree = 0
-            if at_left > 0.0 and abs(r - at_left) < AGREEMENT * at_left:
-                agree += 1
-            if at_right > 0.0 and abs(r - at_right) < AGREEMENT * at_right:
-                agree += 1
-            below = here[k - far] if k >= far else np.float32(0.0)
-            above = here[k + far] if k + far < rows else np.float32(0.0)
-            if below == 0.0 and above == 0.0:
-                agree += 1
-            if below > 0.0 and abs(r - below) < 2.0 * AGREEMENT * below:
-                agree += 1
-            if above > 0.0 and abs(r - above) < 2.0 * AGREEMENT * above:
-                agree += 1
-            units = max(r * units_per_m, 1.0)
-            pixels[c, k] = units if agree >= 3 else -units
+            units[k] = np.int32(
+                _signed_units(
+                    here[k],
+                    left[k],
+                    left_but_one[k],
+                    right[k],
+                    right_but_one[k],
+                    below[k],
+                    above[k],
+                    units_per_m,
+                )
+            )
+
+
+@kernel
+def _signed_units(
+    range_m: float,
+    left: float,
+    left_but_one: float,
+    right: float,
+    right_but_one: float,
+    below: float,
+    above: float,
+    units_per_m: float,
+) -> float:
+    """One pixel of `quantize`, without a branch. An unobserved neighbour, 0, agrees with none."""
+    # azimuths jitter: a beam may miss a column between two that it hits
+    nearer = min(left, right)
+    r = nearer if range_m == 0.0 else range_m
+    at_left = left if left > 0.0 else left_but_one
+    at_right = right if right > 0.0 else right_but_one
+    agree = 1.0 if (below == 0.0) & (above == 0.0) else 0.0
+    agree += 1.0 if abs(r - at_left) < AGREEMENT * at_left else 0.0
+    agree += 1.0 if abs(r - at_right) < AGREEMENT * at_right else 0.0
+    agree += 1.0 if abs(r - below) < 2.0 * AGREEMENT * below else 0.0
+    agree += 1.0 if abs(r - above) < 2.0 * AGREEMENT * above else 0.0
+    units = max(r * units_per_m, 1.0)
+    units = units if agree >= 3.0 else -units
+    return units if r > 0.0 else 0.0

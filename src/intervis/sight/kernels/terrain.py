@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from intervis.arrays import BoolArray, Float32Array, Float64Array
+from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from intervis.kernels import kernel
 
 CELL_M = 1.0
@@ -24,28 +24,29 @@ only the prior reads them (`occupancy_model`)."""
 
 
 @kernel
-def lowest_returns(xyz: Float64Array, least: Float32Array) -> None:
-    """Third lowest height of each cell's returns; infinite with fewer than four."""
+def lowest_returns(level: Float64Array, kept: IntArray, least: Float32Array) -> None:
+    """Third lowest height of each cell's returns `kept`; infinite with fewer than four.
+
+    `level` (3, N) holds x, y and z of all returns.
+    """
+    x, y, z = level[0], level[1], level[2]
     half = 0.5 * CELLS * CELL_M
-    lows = np.full((CELLS, CELLS, 3), np.inf, np.float32)
-    count = np.zeros((CELLS, CELLS), np.int64)
-    for i in range(len(xyz)):
-        a = int((xyz[i, 0] + half) / CELL_M)
-        b = int((xyz[i, 1] + half) / CELL_M)
+    lows = np.full((CELLS * CELLS, 4), np.inf, np.float32)
+    for i in kept:
+        a = int((x[i] + half) / CELL_M)
+        b = int((y[i] + half) / CELL_M)
         if not (0 <= a < CELLS and 0 <= b < CELLS):
             continue
-        count[a, b] += 1
-        z = xyz[i, 2]
-        low = lows[a, b]
-        if z < low[0]:
-            low[0], low[1], low[2] = z, low[0], low[1]
-        elif z < low[1]:
-            low[1], low[2] = z, low[1]
-        elif z < low[2]:
-            low[2] = z
+        low, height = lows[a * CELLS + b], np.float32(z[i])
+        # Without a branch: whether a height is among the lowest cannot be predicted.
+        low[3] = min(low[3], max(low[2], height))
+        low[2] = min(low[2], max(low[1], height))
+        low[1] = min(low[1], max(low[0], height))
+        low[0] = min(low[0], height)
     for a in range(CELLS):
         for b in range(CELLS):
-            least[a, b] = lows[a, b, 2] if count[a, b] > 3 else np.inf
+            cell = a * CELLS + b
+            least[a, b] = lows[cell, 2] if np.isfinite(lows[cell, 3]) else np.inf
 
 
 @kernel
