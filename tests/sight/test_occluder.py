@@ -162,6 +162,8 @@ WALL = np.full((48, 64), 5 * 128)
         (2.0, 8.0, 1.45, 3.45),
         (5.0, 8.0, 0.25, 5.25),  # the step to the surface itself lies before the first end
         (2.0, 5.0, 2.75, 4.75),  # ... and here beyond the second
+        (5.0, 8.0, 0.1, 5.0),  # the ends themselves are part of the line
+        (2.0, 5.0, 2.9, 5.0),
     ],
 )
 def test_the_surface_is_searched_one_and_a_half_metres_along_the_line(
