@@ -53,20 +53,26 @@ EXACT = MODEL._replace(
 def world(rng, scans, timed):
     """Scans on the x axis at whole metres, whose surfaces lie at multiples of 1/8 m."""
     # 640 and 704 units differ by exactly a tenth: the bound of interpolation
-    units = rng.choice([0, 128, 320, 512, 560, 624, 640, 640, 704, 704, 800], (scans, COLUMNS, ROWS))
+    units = rng.choice(
+        [0, 128, 320, 512, 560, 624, 640, 640, 704, 704, 800], (scans, COLUMNS, ROWS)
+    )
     units = np.where(rng.random((scans, COLUMNS, 1)) < 0.5, units[:, :, :1], units)
     units *= np.where(rng.random(units.shape) < 0.3, -1, 1)
     turns = [TURNS[name] for name in rng.choice(list(TURNS), scans)]
     position = np.zeros((scans, 3))
     position[:, 0] = rng.permutation(np.arange(-8, 9))[:scans]
     position[:, 2] = rng.choice([0.0, 0.0, 0.5], scans)
-    ground = rng.choice([-3.125, -3.0, -2.0, -0.375, -0.25, -0.125, 0.5, 0.625, np.nan], (scans, 1, 1))
+    ground = rng.choice(
+        [-3.125, -3.0, -2.0, -0.375, -0.25, -0.125, 0.5, 0.625, np.nan], (scans, 1, 1)
+    )
     ground = np.where(
         rng.random((scans, CELLS, CELLS)) < 0.5,
         rng.choice([-3.0, -1.0, 0.5, 0.75, np.nan], (scans, CELLS, CELLS)),
         ground,
     )
-    offset_s = rng.choice([-0.5, -0.25, 0.0, 0.25, 0.75], scans) if timed else np.full(scans, np.nan)
+    offset_s = (
+        rng.choice([-0.5, -0.25, 0.0, 0.25, 0.75], scans) if timed else np.full(scans, np.nan)
+    )
     return PackedScans(
         pixels=units.astype(np.int16).ravel(),
         unit_m=np.full(scans, 1.0 / 128.0),
@@ -74,7 +80,8 @@ def world(rng, scans, timed):
         columns=np.full(scans, COLUMNS),
         rows=np.full(scans, ROWS),
         # the axes lie on a row, between two rows, on the first and the last row that is read
-        elevation_from=-rng.choice([0.0, 8.0, 9.5, 10.25, 12.75, 30.5, 31.0], scans) / ROWS_PER_UNIT,
+        elevation_from=-rng.choice([0.0, 8.0, 9.5, 10.25, 12.75, 30.5, 31.0], scans)
+        / ROWS_PER_UNIT,
         rows_per_unit=np.full(scans, ROWS_PER_UNIT),
         sensor_from_scene=np.array(
             [np.column_stack([t.T, -t.T @ p]) for t, p in zip(turns, position, strict=True)]

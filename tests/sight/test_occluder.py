@@ -20,7 +20,9 @@ def scan_of(image, pose=None, offset=0, before=()):
     descriptor[:FROM_SCENE] = UNIT_M, offset, columns, rows, LOWEST, ROWS_PER_UNIT
     from_scene = np.eye(4) if pose is None else np.linalg.inv(pose)
     descriptor[FROM_SCENE:] = from_scene[:3].ravel()
-    return np.concatenate([np.asarray(before, np.int16), image.astype(np.int16).ravel()]), descriptor
+    return np.concatenate(
+        [np.asarray(before, np.int16), image.astype(np.int16).ravel()]
+    ), descriptor
 
 
 def column_and_row(image, u, v, w):
@@ -112,7 +114,9 @@ def located(pixels, descriptor, a, b, occluder_m):
 
 def uneven_image(rng, columns=48, rows=64):
     """Walls of a few ranges with ripples, sparse missing pixels, some volumetric."""
-    walls = np.repeat(np.repeat(rng.choice([400, 900, 1500], (columns // 4, rows // 8)), 4, 0), 8, 1)
+    walls = np.repeat(
+        np.repeat(rng.choice([400, 900, 1500], (columns // 4, rows // 8)), 4, 0), 8, 1
+    )
     image = walls + rng.integers(-20, 20, walls.shape)
     image[rng.random(image.shape) < 0.1] *= -1
     image[rng.random(image.shape) < 0.02] = 0
