@@ -34,10 +34,7 @@ def column_and_row(image, u, v, w):
     turn = turn if abs(v) <= abs(u) else 2.0 - turn
     turn = turn if u >= 0 else 4.0 - turn
     turn = turn if v >= 0 else 8.0 - turn
-    if abs(w) <= rho:
-        elevation = w / rho if rho else 0.0
-    else:
-        elevation = math.copysign(2.0 - rho / abs(w), w)
+    elevation = w / rho if abs(w) < rho else math.copysign(2.0 - rho / abs(w), w)
     row = (elevation - LOWEST) * ROWS_PER_UNIT
     return turn / 8.0 * image.shape[0], row, max(rho, abs(w))
 
@@ -201,8 +198,8 @@ def test_a_line_along_a_surface_meets_it_one_step_before_the_sample():
     """Depth 0 everywhere: the fraction of the step is 0, not 0 / 0."""
     image = np.full((48, 64), 5 * 128)
     pixels, descriptor = scan_of(image)
-    up = np.array([0.0, 0.0, 1.0])  # planar range is 5 m at all heights of a line up the wall
-    blocker, _ = located(pixels, descriptor, [5.0, 0.0, 0.0] - up, [5.0, 0.0, 0.0] + up, 1.0)
+    # planar range is 5 m at all heights of a line up the wall
+    blocker, _ = located(pixels, descriptor, [5.0, 0.0, -1.0], [5.0, 0.0, 1.0], 1.0)
     assert blocker == pytest.approx([5.0, 0.0, -0.1], abs=1e-12)
     blocker, _ = located(pixels, descriptor, [5.0, 0.0, -0.05], [5.0, 0.0, 1.0], 0.05)
     assert blocker == pytest.approx([5.0, 0.0, 0.1], abs=1e-12), "no room towards the first end"
