@@ -27,6 +27,7 @@ def laid_out(lengths, begin=0, step_m=0.25, end_margin_m=0.375):
         (0.8, 4, 2),  # midpoints 0.1, 0.3, 0.5, 0.7 m: all within 0.375 m of an end
         (0.9, 4, 2),
         (1.1, 5, 2),  # midpoint 0.55 m is the only one
+        (0.5, 2, 1),
         (0.2, 1, 1),
         (0.0, 1, 1),
         (512.0, 2048, 2),

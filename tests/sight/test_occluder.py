@@ -251,6 +251,23 @@ def test_beyond_the_rows_nothing_has_to_be_cleared(elevation, cleared):
     assert shift == (0.0 if cleared else 10.0)
 
 
+@pytest.mark.parametrize(("row", "cleared"), [(-0.5, False), (63.5, True)])
+def test_half_a_row_below_the_image_is_its_first_row_and_half_above_is_beyond(row, cleared):
+    pixels, descriptor = scan_of(WALL)
+    z = 6.0 * (LOWEST + row / ROWS_PER_UNIT)
+    _, shift = located(pixels, descriptor, [5.0, 0.0, z], [7.0, 0.0, z], 1.0)
+    assert shift == (0.0 if cleared else 10.0)
+
+
+def test_a_direction_that_rounds_to_a_full_turn_lies_in_the_last_column():
+    image = WALL.copy()
+    image[-1, ROW + 3] = 0
+    pixels, descriptor = scan_of(image)
+    ends = [2.0, -1e-18, 0.0], [8.0, -1e-18, 0.0]
+    _, shift = located(pixels, descriptor, *ends, SENSOR - 2.0)
+    assert shift == 3 * SENSOR / 64
+
+
 def test_straight_above_the_sensor_columns_have_no_width():
     """On the z axis only rows count: up and down; a shift of 0 m clears nothing."""
     columns, rows = 48, 64
