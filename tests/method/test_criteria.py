@@ -341,3 +341,16 @@ def test_one_triangle_is_a_region():
     edges = np.array([[0, 1], [0, 2], [1, 2]])
     nodes, known = np.ones(3, bool), np.ones(3, bool)
     assert intervisible_region(np.array([[0, 1, 2]]), edges, nodes, known).tolist() == [True]
+
+
+def test_the_region_equals_a_loop_over_triangles(rng):
+    mesh = build_mesh(rng.uniform(-10, 10, (60, 2)))
+    node = rng.random(60) < 0.8
+    edge = rng.random(len(mesh.edges)) < 0.6
+    intervisible = {frozenset(pair) for pair in mesh.edges[edge].tolist()}
+    expected = []
+    for a, b, c in mesh.triangles.tolist():
+        sides = sum(frozenset(pair) in intervisible for pair in ((a, b), (b, c), (c, a)))
+        expected.append(bool(node[a] and node[b] and node[c] and sides >= 2))
+    assert 0 < sum(expected) < len(expected)
+    assert intervisible_region(mesh.triangles, mesh.edges, node, edge).tolist() == expected
