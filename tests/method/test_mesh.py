@@ -122,3 +122,27 @@ def test_a_scale_of_kilometres_or_millimetres_does_not_matter(rng):
     chart = rng.normal(size=(50, 2))
     for scale in (1e-4, 1e5):
         assert build_mesh(chart * scale).edges.tolist() == build_mesh(chart).edges.tolist()
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e6])
+@pytest.mark.parametrize("shift", [0.0, 50.0])
+def test_neither_scale_nor_place_changes_the_mesh(rng, scale, shift):
+    """Qhull compares with absolute lengths; the positions are brought to unit extent before."""
+    chart = rng.normal(size=(40, 2))
+    plain, other = build_mesh(chart), build_mesh(scale * (chart + shift))
+    assert other.edges.tolist() == plain.edges.tolist()
+    assert np.allclose(np.sort(other.area), np.sort(scale**2 * plain.area), rtol=1e-6, atol=0.0)
+    assert triangulate(scale * chart).simplices.shape == plain.triangles.shape
+
+
+def test_positions_on_a_line_are_joined_in_its_order():
+    """Copies share a node; of equal x the lower y comes first."""
+    upright = np.array([[1.0, 5], [1, 1], [1, 3], [1, 1], [1, 4]])
+    assert build_mesh(upright).edges.tolist() == [[0, 4], [1, 2], [2, 4]]
+    slanting = np.array([[3.0, 3], [1, 1], [2, 2]])
+    assert build_mesh(slanting).edges.tolist() == [[0, 2], [1, 2]]
+    falling = np.array([[3.0, 1], [1, 3], [2, 2], [5, -1]])
+    assert build_mesh(falling).edges.tolist() == [[0, 2], [0, 3], [1, 2]]
+    assert build_mesh(np.array([[3.0, 1], [1, 3]])).edges.tolist() == [[0, 1]]
+    for few in (0, 1):
+        assert build_mesh(np.ones((few, 2))).edges.shape == (0, 2)

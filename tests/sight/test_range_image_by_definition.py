@@ -278,3 +278,40 @@ def test_heights_are_measured_along_gravity():
     assert interpolated(None) == 0, "15 m apart, and 6 m or more in height"
     assert interpolated(np.eye(4)) == 0
     assert interpolated(level) > 10, "one height: one surface"
+
+
+@pytest.mark.parametrize("times", [0.4, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.7, 3.0, 7.0])
+def test_the_beam_spacing_is_the_median_step_of_a_column(times):
+    """In bins of 7.75 / 64 of the sensor's spacing, whose middle counts."""
+    usual, sensor = math.radians(2.0), Sensor("made", 16, -24.0, 6.0, 2.5, 1.0, 60.0, 0.1)
+    azimuth = np.radians(np.arange(1.25, 360.0, 2.5))
+    levels = times * usual * np.arange(4) - 0.3
+    rays = [np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth + e], 1) for e in levels]
+    image = range_image_of(10.0 * np.vstack(rays), sensor)
+    spacing = 3.0 * image.elevation_step
+    assert spacing == pytest.approx(times * usual, abs=0.0606 * usual)
+
+
+def test_two_beams_have_one_step():
+    sensor = Sensor("made", 2, -2.0, 2.0, 2.0, 1.0, 60.0, 0.1)
+    azimuth = np.radians(np.arange(1.0, 360.0, 2.0))
+    rays = [np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth + e], 1) for e in (-0.05, 0.05)]
+    image = range_image_of(10.0 * np.vstack(rays), sensor)
+    assert 3.0 * image.elevation_step == pytest.approx(0.1, abs=0.0606 * math.radians(4.0))
+
+
+def test_an_image_has_about_a_thousand_rows_at_most():
+    """600 beams over 0.8 of pseudo-elevation: a third of their spacing would be 1800 rows."""
+    sensor = Sensor("made", 600, -5.0, 42.0, 10.0, 1.0, 60.0, 0.1)
+    azimuth = np.radians(np.arange(5.0, 360.0, 10.0))
+    e = np.linspace(-0.1, 0.7, 600)
+    points = [[10 * np.cos(a), 10 * np.sin(a), 10 * one] for a in azimuth for one in e]
+    image = range_image_of(np.array(points), sensor)
+    assert image.elevation_step == pytest.approx(0.8 / 1024)
+
+
+def test_returns_on_the_range_limits_are_kept():
+    wall = scan_of({c: [(-0.3 + SPACING * k, 20.0) for k in range(16)] for c in range(COLUMNS)})
+    for range_m, kept in ((1.0, 1), (60.0, 1), (0.9999, 0), (60.001, 0)):
+        image = range_image_of(np.vstack([wall, [[range_m, 0.0, 0.0]]]), SENSOR)
+        assert image.returns == len(wall) + kept
