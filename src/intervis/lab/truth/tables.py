@@ -88,7 +88,8 @@ def accuracy_table(evaluation: "EvaluationResult", *, every_setting: bool = Fals
         ]
     title = (
         f"{evaluation.source}: {evaluation.ground_truth}, protocol {evaluation.protocol},"
-        f" {len(evaluation.query_sets)} viewpoints, {evaluation.target_count:,} points"
+        f" {_counted(len(evaluation.query_sets), 'viewpoint')},"
+        f" {_counted(evaluation.target_count, 'point')}"
     )
     return Table(title, ("method", *SCORE_HEADINGS, "prepare", "answer"), tuple(cells), (NOTE,))
 
@@ -186,6 +187,10 @@ def _risks(scores: "Scores") -> tuple[str, ...]:
 def _times(result: "MethodResult") -> tuple[str, str]:
     prepare = "" if result.prepare_s == 0 else _text(1e3 * result.prepare_s, ".0f")
     return prepare, _text(1e3 * result.answer_s, ".0f")
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
 def _text(value: float, form: str) -> str:
