@@ -354,3 +354,27 @@ def test_the_region_equals_a_loop_over_triangles(rng):
         expected.append(bool(node[a] and node[b] and node[c] and sides >= 2))
     assert 0 < sum(expected) < len(expected)
     assert intervisible_region(mesh.triangles, mesh.edges, node, edge).tolist() == expected
+
+
+def test_a_neighbour_is_farther_than_a_centroid_that_is_not_there():
+    """Two nodes half a metre apart, without a triangle."""
+    result = apply_criteria(
+        np.array([[10.0, 0, -1], [10.5, 0, -1]]),
+        ORIGIN,
+        np.array([[0, 1]]),
+        np.array([0.5]),
+        np.full(2, 50.0),
+        np.full(2, np.nan),
+        Settings(gate="none", criterion="sight_angle"),
+    )
+    assert result.half_edge.tolist() == [True, True]
+    assert not result.handed_over.any()
+
+
+def test_the_tree_leads_to_lower_numbers_too():
+    """Node 2 is the root; edges are given from the smaller number to the larger one."""
+    edges, every = np.array([[0, 1], [1, 2]]), np.ones(3, bool)
+    tree = reachable_tree(
+        edges, np.ones(2), np.array([3.0, 2, 1]), np.array([1, 2, -1]), every, every[:2]
+    )
+    assert tree.tolist() == [1, 2, -1]

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 from scipy.spatial import distance as scipy_distance
@@ -312,6 +312,7 @@ def reached_by_definition(points, viewpoint, y):
     return [i in nearest.values() for i in range(len(points))]
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_direct_reach_equals_a_loop_over_sectors(seed):
     rng = np.random.default_rng(seed)
@@ -392,6 +393,7 @@ def test_a_node_of_a_chain_is_pushed_away_from_the_node_before_it():
     assert np.allclose(force[1], [0, 1e-3 * 1 * 4 * 14, 0])
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(METRICS))
 def test_the_surface_is_built_from_its_parts(seed, metric):
     """Positions relative to P0, the sum of both forces, and the forces in metres on the chart."""
@@ -403,7 +405,7 @@ def test_the_surface_is_built_from_its_parts(seed, metric):
     assert np.allclose(surface.metric_position, y)
     neighbours = nearest_neighbours(y)
     reached = np.array(reached_by_definition(points, viewpoint, y))
-    distance = brute_force_paths(y, neighbours, reached)
+    distance = scipy_paths(y, neighbours, reached)
     assert np.allclose(surface.flow_distance, distance)
     force = cohesion_force(y, neighbours, 0.2)
     force += repulsion_by_definition(y, distance, surface.flow_parent, 0.1, 2.0)
