@@ -280,7 +280,7 @@ def test_heights_are_measured_along_gravity():
     assert interpolated(level) > 10, "one height: one surface"
 
 
-@pytest.mark.parametrize("times", [0.4, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.7, 3.0, 7.0])
+@pytest.mark.parametrize("times", [0.4, 0.75, 0.8, 0.88, 0.9, 1.0, 1.15, 1.75, 3.0, 7.0])
 def test_the_beam_spacing_is_the_median_step_of_a_column(times):
     """In bins of 7.75 / 64 of the sensor's spacing, whose middle counts."""
     usual, sensor = math.radians(2.0), Sensor("made", 16, -24.0, 6.0, 2.5, 1.0, 60.0, 0.1)
@@ -290,6 +290,10 @@ def test_the_beam_spacing_is_the_median_step_of_a_column(times):
     image = range_image_of(10.0 * np.vstack(rays), sensor)
     spacing = 3.0 * image.elevation_step
     assert spacing == pytest.approx(times * usual, abs=0.0606 * usual)
+    # steps of 0.25 to 8 times the usual one, in 64 bins
+    bin_of = (times - 0.25) / 7.75 * 64
+    assert 0.05 < bin_of % 1.0 < 0.95, "not on the border of two bins"
+    assert spacing == pytest.approx((0.25 + (int(bin_of) + 0.5) / 64 * 7.75) * usual)
 
 
 def test_two_beams_have_one_step():

@@ -10,14 +10,19 @@ MIDDLE = 64
 """Cell of the sensor: the map reaches from -64 m to 64 m."""
 
 
+def in_python(kernel):
+    """A kernel as it is written, not compiled: an index too far is an error."""
+    return getattr(kernel, "py_func", kernel)
+
+
 def empty_map():
     return np.full((CELLS, CELLS), np.inf, np.float32)
 
 
 def lowest_of(*points):
-    """Lowest returns of each cell, by the kernel as plain Python: an index too far is an error."""
+    """Lowest returns of each cell."""
     least = np.empty((CELLS, CELLS), np.float32)
-    terrain.lowest_returns.py_func(np.array(points, float), least)
+    in_python(terrain.lowest_returns)(np.array(points, float), least)
     return least
 
 
@@ -55,7 +60,7 @@ def kept_cells(cells):
     least, kept = empty_map(), np.empty((CELLS, CELLS), np.float32)
     for cell, height in cells.items():
         least[cell] = height
-    terrain.remove_outliers.py_func(least, kept)
+    in_python(terrain.remove_outliers)(least, kept)
     assert (np.isinf(kept) | (kept == least)).all()
     return {cell for cell in cells if np.isfinite(kept[cell])}
 
@@ -98,7 +103,7 @@ def is_dropped(cell, height, in_front):
     seen[cell] = height
     for other, other_height in in_front.items():
         seen[other] = other_height
-    terrain.remove_below_nearer.py_func(seen)
+    in_python(terrain.remove_below_nearer)(seen)
     return bool(np.isinf(seen[cell]))
 
 
@@ -156,7 +161,7 @@ def filled_map(cells):
     known = np.zeros((CELLS, CELLS), bool)
     for cell, value in cells.items():
         height[cell], known[cell] = value, True
-    terrain.interpolate.py_func(height, known)
+    in_python(terrain.interpolate)(height, known)
     return {
         (int(a), int(b)): pytest.approx(float(height[a, b]))
         for a, b in np.argwhere(np.isfinite(height))
