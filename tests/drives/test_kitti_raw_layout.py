@@ -2,6 +2,7 @@
 
 import logging
 import pickle
+import sys
 import tracemalloc
 
 import numpy as np
@@ -18,7 +19,7 @@ from drive_layouts import (
 
 from intervis.drives import Frame, open_drive
 from intervis.drives.calibration import png_size_px
-from intervis.errors import CalibrationError, DriveError, ScanError
+from intervis.errors import CalibrationError, DriveError, MissingExtraError, ScanError
 
 
 def test_a_frame_holds_what_the_files_hold(tmp_path):
@@ -174,6 +175,10 @@ def test_the_size_of_a_png_is_two_big_endian_numbers_of_four_bytes(tmp_path):
     header = b"\x89PNG\r\n\x1a\n" + bytes([0, 0, 0, 13]) + b"IHDR"
     path.write_bytes(header + bytes([1, 2, 3, 4, 5, 6, 7, 8]))
     assert png_size_px(path) == (0x01020304, 0x05060708)
+    path.write_bytes(header + bytes([1, 2, 3, 4, 5, 6, 7, 8, 9, 10]))  # what follows is not read
+    assert png_size_px(path) == (0x01020304, 0x05060708)
+    with pytest.raises(DriveError, match=r"cannot read the image .*gone\.png: No such file"):
+        png_size_px(tmp_path / "gone.png")
     for content in (
         b"",
         header,
@@ -446,6 +451,38 @@ def test_a_drive_of_any_length_takes_the_memory_of_a_few_frames(tmp_path):
     finally:
         tracemalloc.stop()
     assert peak_bytes < 2_500_000
+
+
+def test_times_after_the_last_scan_are_those_of_frames_without_a_scan(tmp_path):
+    """Line k is frame k: the drive ends before its times do."""
+    root = write_kitti_raw(tmp_path, scans=[1, 2])
+    times = "".join(f"2011-09-26 13:02:{n:02d}\n" for n in range(5))
+    write_text(root / "velodyne_points/timestamps.txt", times)
+    drive = open_drive(root)
+    second = int(np.datetime64("2011-09-26T13:02:00", "ns").astype(np.int64))
+    assert [drive[n].timestamp_ns for n in (1, 2)] == [second + 10**9, second + 2 * 10**9]
+
+
+def test_calibration_files_that_are_no_text_are_told_in_a_sentence(tmp_path):
+    root = write_kitti_raw(tmp_path)
+    path = root.parent / "calib_velo_to_cam.txt"
+    path.write_bytes(b"R: \xff\xfe\n")
+    with pytest.raises(CalibrationError, match=r"calib_velo_to_cam\.txt, line 1: .* finite number"):
+        open_drive(root)
+    path.unlink()
+    path.mkdir()
+    for name in ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt"):
+        assert (root.parent / name).is_file()
+    write_png(root / "image_02/data/0000000000.png", 64, 32)
+    with pytest.raises(CalibrationError, match=r"cannot read .*calib_velo_to_cam\.txt: Is a dir"):
+        open_drive(root)
+
+
+def test_decoding_an_image_without_pillow_names_the_extra(tmp_path, monkeypatch):
+    frame = open_drive(write_kitti_raw(tmp_path, images=(0,)))[0]
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with pytest.raises(MissingExtraError, match="pillow"):
+        _ = frame.image
 
 
 def test_seconds_are_the_nanoseconds():

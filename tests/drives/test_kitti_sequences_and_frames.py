@@ -138,6 +138,35 @@ def test_a_sequence_without_scans(tmp_path):
         open_drive(root)
 
 
+def test_a_sequence_names_its_camera_and_its_fingerprint_sees_each_text_file(tmp_path):
+    root = write_kitti_odometry(tmp_path)
+    write_text(tmp_path / "poses/04.txt", f"{IDENTITY_LINE}\n{pose_line(1)}\n")
+    times = write_text(root / "times.txt", "0.0\n0.1\n")
+    drive = open_drive(root, camera="3")
+    assert drive.camera_name == "image_3"
+    before = drive.fingerprint()
+    assert before["camera"] == "image_3"
+    for path in (root / "calib.txt", tmp_path / "poses/04.txt", times):
+        text = path.read_text()
+        path.write_text(text + "\n")  # blank lines at the end: the same values
+        assert open_drive(root, camera="3").fingerprint()["digest"] != before["digest"], path
+        path.write_text(text)
+    assert open_drive(root, camera="3").fingerprint() == before
+
+
+def test_a_calibration_without_cameras_still_serves_the_poses(tmp_path):
+    root = write_kitti_odometry(tmp_path)
+    for image in (root / "image_2").iterdir():
+        image.unlink()
+    (root / "image_2").rmdir()
+    write_text(root / "calib.txt", "Tr: 0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27\n")
+    write_text(tmp_path / "poses/04.txt", f"{IDENTITY_LINE}\n{pose_line(0, 0, 10)}\n")
+    drive = open_drive(root)
+    assert drive.camera is None
+    assert drive.camera_names == ()
+    assert np.allclose(drive[1].pose[:3, 3], [10, 0, 0])
+
+
 # --- object ---
 
 
@@ -205,6 +234,36 @@ def test_an_object_frame_without_its_image(tmp_path):
 def test_testing_is_found_where_there_is_no_training(tmp_path):
     write_kitti_object(tmp_path).rename(tmp_path / "testing")
     assert open_drive(tmp_path).name == "testing"
+
+
+def test_folders_of_scans_alone_are_no_object_drive(tmp_path):
+    """Neither calibration nor images beside velodyne: nothing says that it is KITTI object."""
+    write_scan(tmp_path / "velodyne/000004.bin", 4)
+    with pytest.raises(DriveError, match="is not a drive of a known layout"):
+        open_drive(tmp_path)
+    (tmp_path / "image_2").mkdir()
+    with pytest.raises(CalibrationError, match="images but no calibration"):
+        open_drive(tmp_path)
+
+
+def test_calibrations_and_images_without_scans_are_no_object_drive(tmp_path):
+    (tmp_path / "calib").mkdir()
+    with pytest.raises(DriveError, match="is not a drive of a known layout"):
+        open_drive(tmp_path)
+
+
+def test_an_object_drive_names_its_camera_and_its_fingerprint_sees_each_calibration(tmp_path):
+    root = write_kitti_object(tmp_path)
+    drive = open_drive(root, camera="3")
+    assert drive.camera_name == "image_3"
+    before = drive.fingerprint()
+    assert before["camera"] == "image_3"
+    for number in (0, 3):
+        path = root / f"calib/{number:06d}.txt"
+        text = path.read_text()
+        path.write_text(text + "\n")
+        assert open_drive(root, camera="3").fingerprint()["digest"] != before["digest"], path
+        path.write_text(text)
 
 
 def test_object_without_scans(tmp_path):

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from intervis.drives.pcd_file import _needed_bytes
 from intervis.drives.scan import scan_of_table
 from intervis.drives.scan_file import read_scan, scan_ending
 from intervis.errors import MissingExtraError, ScanError
@@ -169,6 +170,26 @@ def test_an_npy_header_that_declares_more_than_the_file_holds(tmp_path):
         path.write_bytes(content)
         with pytest.raises(ScanError, match=r"not a readable \.npy array"):
             read_scan(path)
+
+
+@pytest.mark.parametrize(
+    ("far_m", "dtype", "warns"),
+    [
+        (16_384.0, np.float64, False),  # as far as the numbers lie less than 1 mm apart
+        (16_384.5, np.float64, True),
+        (-16_384.5, np.float64, True),
+        (np.inf, np.float64, False),
+        (1e6, np.float32, False),  # nothing is lost that the file had
+    ],
+)
+def test_far_coordinates_cause_a_warning_where_the_file_is_finer(
+    tmp_path, caplog, far_m, dtype, warns
+):
+    path = tmp_path / "a.npy"
+    np.save(path, np.array([[1.0, 2.0, 3.0], [0.0, far_m, 1.0]], dtype))
+    with caplog.at_level(logging.WARNING):
+        read_scan(path)
+    assert bool(caplog.records) == warns
 
 
 def test_coordinates_too_large_for_float32_cause_a_warning(tmp_path, caplog):
@@ -438,6 +459,52 @@ def test_truncated_pcd(tmp_path, pypcd4, data):
             ScanError, match=r"a\.pcd (is truncated|is not a readable|has an invalid)"
         ):
             read_scan(path)
+
+
+def test_a_pcd_file_needs_as_many_bytes_as_its_header_says():
+    """Of three points: x, y, z as float32, a byte, and a normal of three float64."""
+    header = {
+        "POINTS": ["3"],
+        "SIZE": ["4", "4", "4", "1", "8"],
+        "COUNT": ["1", "1", "1", "1", "3"],
+        "DATA": ["binary"],
+    }
+    table_bytes = 3 * (4 + 4 + 4 + 1 + 3 * 8)
+    assert _needed_bytes(header, b"") == (3, table_bytes)
+    assert _needed_bytes(header | {"COUNT": ["1"] * 5}, b"") == (3, 3 * 21)
+    plain = {key: value for key, value in header.items() if key != "COUNT"}
+    assert _needed_bytes(plain, b"") == (3, 3 * 21)
+    # text: a digit for each of 3 * 7 numbers, and what parts them
+    text = header | {"DATA": ["ascii"]}
+    assert _needed_bytes(text, b"") == (3, 2 * 3 * 7 - 1)
+    assert _needed_bytes(text | {"POINTS": ["0"]}, b"") == (0, 0)
+    packed = header | {"DATA": ["binary_compressed"]}
+    assert _needed_bytes(packed, struct.pack("<II", 50, table_bytes)) == (3, 8 + 50)
+    # LZF packs 88 bytes into one at best
+    assert _needed_bytes(packed, struct.pack("<II", 0, table_bytes)) == (3, 8 + table_bytes // 88)
+    assert _needed_bytes(packed | {"POINTS": ["0"]}, b"") == (0, 0)
+    for wrong in (table_bytes - 1, table_bytes + 1):
+        with pytest.raises(ValueError):
+            _needed_bytes(packed, struct.pack("<II", 50, wrong))
+    with pytest.raises(ValueError):
+        _needed_bytes(header | {"POINTS": ["-1"]}, b"")
+
+
+def test_the_shortest_pcd_text_is_read(tmp_path, pypcd4):
+    path = tmp_path / "a.pcd"
+    path.write_bytes(pcd_header("ascii", 2, "x y z", "4 4 4", "F F F") + b"1 2 3\n4 5 6")
+    assert read_scan(path).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize("missing", [1, 12, 40])
+def test_a_pcd_file_that_lacks_a_few_bytes_is_truncated(tmp_path, pypcd4, missing):
+    """Fewer than its header has."""
+    path = tmp_path / "a.pcd"
+    path.write_bytes(pcd_bytes(pcd_table(40), "binary")[:-missing])
+    with pytest.raises(
+        ScanError, match=rf"truncated: the 40 points .* need 720 bytes, but it has {720 - missing}"
+    ):
+        read_scan(path)
 
 
 @pytest.mark.parametrize("lines", [6, 8])

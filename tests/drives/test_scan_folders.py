@@ -152,6 +152,31 @@ def test_an_unknown_folder_names_the_expected_and_the_found_files(tmp_path):
                             "07.laz, ....")  # fmt: skip
 
 
+def test_of_many_drives_the_first_eight_are_listed(tmp_path):
+    for number in range(10):
+        write_scan(tmp_path / f"drive_{number}_sync/velodyne_points/data/0000000000.bin", 0)
+    with pytest.raises(DriveError) as caught:
+        open_drive(tmp_path)
+    shown = ", ".join(f"drive_{number}_sync" for number in range(8))
+    assert str(caught.value).endswith(f"holds 10 drives; give the path of one of them: {shown}.")
+
+
+def test_nine_found_files_are_eight_and_more(tmp_path):
+    for number in range(9):
+        write_text(tmp_path / f"{number}.laz", "")
+    with pytest.raises(DriveError, match=r"Found: 0\.laz, .*, 7\.laz, \.\.\.\.$"):
+        open_drive(tmp_path)
+
+
+def test_a_folder_that_may_not_be_read_is_told_in_a_sentence(tmp_path, monkeypatch):
+    def refused(folder):
+        raise PermissionError(13, "Permission denied", str(folder))
+
+    monkeypatch.setattr(type(tmp_path), "iterdir", refused)
+    with pytest.raises(DriveError, match=rf"^cannot read {tmp_path}: Permission denied\.$"):
+        open_drive(tmp_path)
+
+
 def test_eight_found_files_are_listed_completely(tmp_path):
     for number in range(8):
         write_text(tmp_path / f"{number}.laz", "")

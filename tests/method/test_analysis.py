@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import intervis
 from intervis import Camera, PointsError, PoseError, Settings, SettingsError, analyze
 from intervis.errors import CameraError, IntervisError
+from intervis.method import analysis as analysis_module
 from intervis.method.mesh import build_mesh
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
 from intervis.method.surface import whitening
@@ -336,3 +337,29 @@ def test_real_frames(shared_data, tau):
         assert measures.SP == measures.N + measures.n - 1
         assert 15 < measures.TPI < 100 * measures.SP / (3 * measures.N)
         assert np.array_equal(result.node_points, frame.points[result.nodes].astype(np.float64))
+
+
+def test_stage_times_are_the_seconds_between_laps(monkeypatch):
+    times_s = iter([10.0, 12.0, 12.5, 16.5, 17.5, 17.75])
+    monkeypatch.setattr(analysis_module, "perf_counter", lambda: next(times_s))
+    clock = analysis_module.Clock()
+    for stage in ("fov", "sampling", "S1", "S2", "S3"):
+        clock.lap(stage)
+    expected = {"fov": 2.0, "sampling": 0.5, "S1": 4.0, "S2": 1.0, "S3": 0.25, "total": 7.75}
+    assert dict(clock.times()) == expected
+
+
+def test_returns_that_are_no_nodes_occlude_nodes():
+    """A wall 10 m away, whose every other return is a node, and a post 5 m away before one."""
+    y = np.arange(-10.0, 10.5, 0.5)
+    wall = np.column_stack([10.0 + 0.3 * (np.arange(len(y)) // 2 % 2), y, np.zeros(len(y))])
+    behind = 20  # the node at y = 0
+    scan = wall.copy()
+    scan[behind + 1] = [5.0, 0.0, 0.0]
+    chosen = Settings(sampling="stride", tau=2, gate="none", criterion="sight_line")
+    plain, occluded = (analyze(points, settings=chosen) for points in (wall, scan))
+    assert plain.nodes.tolist() == occluded.nodes.tolist() == list(range(0, len(y), 2))
+    node = behind // 2
+    assert plain.node_intervisible[node]
+    assert not occluded.node_intervisible[node]
+    assert occluded.node_intervisible[[0, 1, -2, -1]].all()

@@ -225,3 +225,37 @@ def test_a_walk_misses_no_crossing_on_a_real_frame(shared_data, number):
         above = crossed & (cross[:, 2] > left * q[2])
         agree += above.sum() == result.obstacles[i]
     assert agree >= 59  # lines through a node count its edges once here and the other way there
+
+
+@pytest.mark.parametrize("method", [global_points, interpolation_points])
+def test_the_result_is_a_flat_surface_around_the_viewpoint(method):
+    points, viewpoint = street(3, 40), np.array([0.31, 0.17, 0.2])
+    result = method(points, viewpoint=viewpoint)
+    ground = (points - viewpoint)[:, :2]
+    assert np.allclose(result.chart, ground)
+    assert np.allclose(result.flow_distance, [np.hypot(x, y) for x, y in ground])
+    assert result.edges.tolist() == build_mesh(ground).edges.tolist()
+    length = [np.hypot(*(ground[a] - ground[b])) for a, b in result.edges]
+    assert np.allclose(result.edge_length, length)
+    assert np.allclose(result.edge_weight, length)
+    clear = result.obstacles == 0
+    assert result.node_intervisible.tolist() == clear.tolist()
+    assert result.edge_intervisible.tolist() == [
+        bool(clear[a] and clear[b]) for a, b in result.edges
+    ]
+    region = [
+        clear[triangle].all()  # with three clear nodes all three edges are
+        for triangle in result.triangles
+    ]
+    assert result.region.tolist() == region
+    assert result.tree_parent.tolist() == np.where(clear, -1, -2).tolist()
+    assert not result.handed_over.any()
+    assert (result.settings.tau, result.settings.metric, result.settings.chart) == (
+        1,
+        "ground",
+        "ground",
+    )
+    assert 0 < clear.sum() < len(points)
+    # the cut, Eq. 12: the length of the edges between the two sides
+    across = sum(d for d, (a, b) in zip(length, result.edges, strict=True) if clear[a] != clear[b])
+    assert result.cut == pytest.approx(across / 2)

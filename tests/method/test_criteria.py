@@ -218,3 +218,163 @@ def test_tree_starts_at_the_nearest_point_where_none_is_reached_directly():
         reachable_tree(edges, one, np.ones(3), np.full(3, -1), nothing, nothing[:2]).tolist()
         == [-2] * 3
     )
+
+
+def test_the_gate_and_the_centroid_are_compared_strictly():
+    """Line 1 on its bounds: l1 < D_min < l3, and a neighbour farther than l_gc."""
+    # A path 0 - 1 - 2 with lengths 2 and 5, gated by the mean edge of each star: 2, 3.5, 5.
+    points = np.array([[10.0, 0, -1], [12, 0, -1], [17, 0, -1]])
+    edges, length = np.array([[0, 1], [1, 2]]), np.array([2.0, 5.0])
+
+    def result(flow, l_gc, gate="mean"):
+        chosen = Settings(gate=gate, criterion="sight_angle", concave_boundary="every")
+        return apply_criteria(points, ORIGIN, edges, length, np.array(flow), np.array(l_gc), chosen)
+
+    # half edges 0 -> 1, 1 -> 2, 1 -> 0, 2 -> 1: only 1 -> 0 is shorter than its star's mean
+    assert result([9.0] * 3, [0.1] * 3).gate.tolist() == [False, False, True, False]
+    assert result([9.0, 3.5, 9.0], [0.1] * 3).gate.tolist() == [False] * 4
+    assert result([9.0, 3.6, 9.0], [0.1] * 3).gate.tolist() == [False, False, True, False]
+    # without a gate: flat ground, seen from above, is intervisible along the path
+    every = result([9.0] * 3, [0.1] * 3, "none")
+    assert every.half_edge.tolist() == [True] * 4
+    on_bound = result([9.0] * 3, [2.0, 2.0, 5.0], "none")
+    assert on_bound.half_edge.tolist() == [False, True, False, False], "l1 is not farther than l_gc"
+    assert not on_bound.handed_over.any(), "and not nearer"
+
+
+@pytest.mark.parametrize(
+    ("concave_boundary", "l_gc", "expected"),
+    [
+        ("any", [2.1, 2.1, 0.1, 0.0], [True, True, False, False]),
+        ("any", [2.0, 2.0, 5.0, 0.0], [False, False, False, False]),
+        ("every", [2.1, 2.1, 5.1, 0.0], [True, False, True, False]),
+        ("every", [2.1, 5.1, 4.9, 0.0], [True, True, False, False]),
+        ("every", [np.nan, np.nan, np.nan, np.nan], [False] * 4),
+    ],
+)
+def test_lines_2_to_4_hand_over_nodes_whose_edges_are_short(concave_boundary, l_gc, expected):
+    """A path 0 - 1 - 2 with lengths 2 and 5, and node 3 without an edge."""
+    points = np.array([[10.0, 0, -1], [12, 0, -1], [17, 0, -1], [40, 9, -1]])
+    for gate in ("none", "degree", "mean", "shortest", "star_minimum"):
+        result = apply_criteria(
+            points,
+            ORIGIN,
+            np.array([[0, 1], [1, 2]]),
+            np.array([2.0, 5.0]),
+            np.full(4, 50.0),
+            np.array(l_gc),
+            Settings(gate=gate, criterion="sight_angle", concave_boundary=concave_boundary),
+        )
+        assert result.handed_over.tolist() == expected
+        assert not result.node[3]
+        if np.isnan(l_gc[0]) and gate == "none":  # no centroid: every neighbour is farther
+            assert result.half_edge.all()
+
+
+def test_an_edge_is_intervisible_only_where_both_of_its_directions_pass_the_gate():
+    """Edges 0-1, 0-2, 1-2 of 1, 4 and 3: the stars' means are 2.5, 2 and 3.5."""
+    points = np.array([[10.0, 0, 0], [11, 0, 0], [14, 0, 0]])
+    result = apply_criteria(
+        points,
+        ORIGIN,
+        np.array([[0, 1], [0, 2], [1, 2]]),
+        np.array([1.0, 4.0, 3.0]),
+        np.full(3, 50.0),
+        np.zeros(3),
+        Settings(gate="mean", criterion="sight_line"),
+        returns=points[:1],
+    )
+    # 0 -> 1, 1 -> 0 and 2 -> 1 pass; nothing occludes a node, but for the first return
+    assert result.gate.tolist() == [True, False, False, True, False, True]
+    occluded = unoccluded(points, points[:1], ORIGIN)
+    assert occluded.tolist() == [True, True, False]
+    assert result.half_edge.tolist() == [True, False, False, True, False, False]
+    plain = apply_criteria(
+        points,
+        ORIGIN,
+        np.array([[0, 1], [0, 2], [1, 2]]),
+        np.array([1.0, 4.0, 3.0]),
+        np.full(3, 50.0),
+        np.zeros(3),
+        Settings(gate="mean", criterion="sight_line"),
+        returns=points[2:],
+    )
+    assert plain.half_edge.tolist() == [True, False, False, True, False, True]
+    assert plain.node.all()
+    assert plain.edge.tolist() == [True, False, False], "1 -> 2 does not pass"
+
+
+def test_a_right_angle_satisfies_neither_line():
+    """theta_1 of 90 degrees exactly: (10, 0, -1) and a step (1, 0, 10) up, or (-1, 0, -10) down."""
+    for step in ([1.0, 0.0, 10.0], [-1.0, 0.0, -10.0]):
+        for criterion in ("elevation", "sight_angle"):
+            assert not intervisible_pair(np.array([10.0, 0.0, -1.0]) + step, criterion)
+
+
+def test_theta_1_along_one_sight_line_is_0_or_180_degrees_whatever_the_rounding(rng):
+    direction = rng.normal(size=(2000, 1, 3))
+    points = (direction * np.array([1.0, 1.3, 0.6])[:, None]).reshape(-1, 3)
+    i = np.arange(0, len(points), 3)
+    assert np.allclose(theta_1_deg(points, ORIGIN, i, i + 1), 180.0, atol=1e-4)
+    assert np.allclose(theta_1_deg(points, ORIGIN, i, i + 2), 0.0, atol=1e-4)
+
+
+def test_the_margin_of_an_occluder_on_its_bound():
+    """A node 10 m away: what is nearer than 0.9 * 10 - 0.5 = 8.5 m occludes it."""
+    node = np.array([[10.0, 0, 0]])
+    for range_m, clear in ((8.5, True), (8.4999, False)):
+        assert unoccluded(node, np.array([[range_m, 0, 0]]), ORIGIN).tolist() == [clear]
+
+
+def test_directions_are_compared_whatever_the_range():
+    """A node 0.8 m away is occluded at 0.2 m; a wall 10 m behind them is no nearer in direction."""
+    azimuth_rad = np.deg2rad(np.arange(-4.5, 5.0))
+    wall = 10.0 * np.column_stack([np.cos(azimuth_rad), np.sin(azimuth_rad), np.zeros(10)])
+    returns = np.vstack([wall, [[0.2, 0, 0]]])
+    assert unoccluded(np.array([[0.8, 0, 0]]), returns, ORIGIN).tolist() == [False]
+    assert unoccluded(np.array([[0.8, 0, 0]]), wall, ORIGIN).tolist() == [True]
+    assert unoccluded(np.zeros((1, 3)), returns, ORIGIN).tolist() == [True], "P0 itself"
+    assert unoccluded(np.empty((0, 3)), returns, ORIGIN).shape == (0,)
+
+
+def test_one_triangle_is_a_region():
+    edges = np.array([[0, 1], [0, 2], [1, 2]])
+    nodes, known = np.ones(3, bool), np.ones(3, bool)
+    assert intervisible_region(np.array([[0, 1, 2]]), edges, nodes, known).tolist() == [True]
+
+
+def test_the_region_equals_a_loop_over_triangles(rng):
+    mesh = build_mesh(rng.uniform(-10, 10, (60, 2)))
+    node = rng.random(60) < 0.8
+    edge = rng.random(len(mesh.edges)) < 0.6
+    intervisible = {frozenset(pair) for pair in mesh.edges[edge].tolist()}
+    expected = []
+    for a, b, c in mesh.triangles.tolist():
+        sides = sum(frozenset(pair) in intervisible for pair in ((a, b), (b, c), (c, a)))
+        expected.append(bool(node[a] and node[b] and node[c] and sides >= 2))
+    assert 0 < sum(expected) < len(expected)
+    assert intervisible_region(mesh.triangles, mesh.edges, node, edge).tolist() == expected
+
+
+def test_a_neighbour_is_farther_than_a_centroid_that_is_not_there():
+    """Two nodes half a metre apart, without a triangle."""
+    result = apply_criteria(
+        np.array([[10.0, 0, -1], [10.5, 0, -1]]),
+        ORIGIN,
+        np.array([[0, 1]]),
+        np.array([0.5]),
+        np.full(2, 50.0),
+        np.full(2, np.nan),
+        Settings(gate="none", criterion="sight_angle"),
+    )
+    assert result.half_edge.tolist() == [True, True]
+    assert not result.handed_over.any()
+
+
+def test_the_tree_leads_to_lower_numbers_too():
+    """Node 2 is the root; edges are given from the smaller number to the larger one."""
+    edges, every = np.array([[0, 1], [1, 2]]), np.ones(3, bool)
+    tree = reachable_tree(
+        edges, np.ones(2), np.array([3.0, 2, 1]), np.array([1, 2, -1]), every, every[:2]
+    )
+    assert tree.tolist() == [1, 2, -1]

@@ -94,3 +94,59 @@ def test_real_frames_have_the_known_number_of_returns_in_view(shared_data):
     objects = open_drive(shared_data / "kitti_object")[2]
     found = in_camera(objects.points, objects.camera, objects.cam_from_velo)
     assert (found.n_raw, len(found.index)) == (126_891, 20_210)
+
+
+PLAIN_CAMERA = Camera(np.array([[100.0, 0, 50, 0], [0, 100, 40, 0], [0, 0, 1, 0]]), 100, 80)
+
+
+@pytest.mark.parametrize(
+    ("point", "seen"),
+    [
+        # at 5 m: u = 50 - 20 y and v = 40 - 20 z
+        ([5.0, 2.5, 0], True),  # u = 0
+        ([5.0, 2.51, 0], False),
+        ([5.0, -2.49, 0], True),
+        ([5.0, -2.5, 0], False),  # u = width
+        ([5.0, 0, 2.0], True),  # v = 0
+        ([5.0, 0, 2.01], False),
+        ([5.0, 0, -1.99], True),
+        ([5.0, 0, -2.0], False),  # v = height
+        ([0.25, 0, 0], True),
+        ([-5.0, 0, 0], False),
+        ([-5.0, 2.5, 2.0], False),
+        ([0.0, -1, -1], False),  # no depth
+    ],
+)
+def test_the_border_of_the_image(point, seen):
+    found = in_camera(np.array([point]), PLAIN_CAMERA, CAM_FROM_VELO)
+    assert found.index.tolist() == ([0] if seen else [])
+    assert (found.n_raw, found.n_dropped) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("row", "is_return"),
+    [
+        ([0.0, 0, 0], False),
+        ([1.0, 0, 0], True),
+        ([0.0, 1, 0], True),
+        ([0.0, 0, 1], True),
+        ([np.nan, 1, 1], False),
+        ([1, np.inf, -np.inf], False),
+        ([1, 1, np.inf], False),
+    ],
+)
+def test_rows_that_are_no_return_are_dropped(row, is_return):
+    rows = np.array([row, [5.0, 0, 0]])
+    found = in_azimuth(rows, 360.0)
+    assert found.index.tolist() == ([0, 1] if is_return else [1])
+    assert (found.n_raw, found.n_dropped) == (1 + is_return, 1 - is_return)
+    seen = in_camera(rows, PLAIN_CAMERA, CAM_FROM_VELO)
+    assert (seen.n_raw, seen.n_dropped) == (1 + is_return, 1 - is_return)
+    assert seen.index[-1] == 1
+
+
+def test_azimuths_on_the_border_are_in_view():
+    points = np.array([[5.0, 5, 0], [5, -5, 1], [4.99, 5, 0], [5, -5.01, 0], [5, 0, 9], [-5, 0, 0]])
+    assert in_azimuth(points, 90.0).index.tolist() == [0, 1, 4]
+    assert in_azimuth(points, 360.0).index.tolist() == [0, 1, 2, 3, 4, 5]
+    assert in_azimuth(points, 180.0).index.tolist() == [0, 1, 2, 3, 4]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import intervis
 from intervis import Settings, analyze
 from intervis.errors import SettingsError
+from intervis.method import granularity
 from intervis.method.granularity import (
     BUDGET_SHARE,
     TAU_CANDIDATES,
@@ -125,3 +126,30 @@ def test_hysteresis_uses_the_speed_factor_it_is_given():
     )
     assert fast < slow
     assert fast == choose_tau(int(20_000 / 1.15), settings, speed_factor=0.2)
+
+
+def test_the_speed_of_the_machine_is_the_median_of_seven_triangulations(monkeypatch):
+    """Of 1000 points each; 2, 4, ... 14 ms in some order: 8 ms in the middle."""
+    taken_s = iter(1e-3 * np.array([6.0, 14, 2, 8, 12, 4, 10, 99]))
+    clock_s, counts = [100.0], []
+
+    def triangulated(points):
+        counts.append(points.shape)
+        clock_s[0] += next(taken_s)
+
+    monkeypatch.setattr(granularity, "perf_counter", lambda: clock_s[0])
+    monkeypatch.setattr(granularity, "Delaunay", triangulated)
+    factor = granularity.machine_speed_factor.__wrapped__()
+    assert factor == pytest.approx(8.0 / granularity.REFERENCE_DELAUNAY_MS)
+    assert counts == [(1000, 2)] * 7
+
+
+@pytest.mark.parametrize(
+    ("tau", "best", "keeps"),
+    [(5, 8, True), (8, 5, True), (5, 10, False), (10, 5, False), (8, 8, True), (6, 10, False)],
+)
+def test_tau_is_kept_within_a_factor_of_1_6(tau, best, keeps):
+    """On the bounds too: 8 / 1.6 = 5 and 5 * 1.6 = 8."""
+    hysteresis = TauHysteresis(Settings(tau="auto"))
+    assert hysteresis._keeps(tau, 100_000, best) == keeps
+    assert not hysteresis._keeps(tau, 100, best), "too few nodes"

@@ -122,3 +122,52 @@ def test_a_scale_of_kilometres_or_millimetres_does_not_matter(rng):
     chart = rng.normal(size=(50, 2))
     for scale in (1e-4, 1e5):
         assert build_mesh(chart * scale).edges.tolist() == build_mesh(chart).edges.tolist()
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e6])
+@pytest.mark.parametrize("shift", [0.0, 50.0])
+def test_neither_scale_nor_place_changes_the_mesh(rng, scale, shift):
+    """Qhull compares with absolute lengths; the positions are brought to unit extent before."""
+    chart = rng.normal(size=(40, 2))
+    plain, other = build_mesh(chart), build_mesh(scale * (chart + shift))
+    assert other.edges.tolist() == plain.edges.tolist()
+    assert np.allclose(np.sort(other.area), np.sort(scale**2 * plain.area), rtol=1e-6, atol=0.0)
+    assert triangulate(scale * chart).simplices.shape == plain.triangles.shape
+
+
+def test_positions_on_a_line_are_joined_in_its_order():
+    """Copies share a node; of equal x the lower y comes first."""
+    upright = np.array([[1.0, 5], [1, 1], [1, 3], [1, 1], [1, 4]])
+    assert build_mesh(upright).edges.tolist() == [[0, 4], [1, 2], [2, 4]]
+    slanting = np.array([[3.0, 3], [1, 1], [2, 2]])
+    assert build_mesh(slanting).edges.tolist() == [[0, 2], [1, 2]]
+    falling = np.array([[3.0, 1], [1, 3], [2, 2], [5, -1]])
+    assert build_mesh(falling).edges.tolist() == [[0, 2], [0, 3], [1, 2]]
+    assert build_mesh(np.array([[3.0, 1], [1, 3]])).edges.tolist() == [[0, 1]]
+    for few in (0, 1):
+        assert build_mesh(np.ones((few, 2))).edges.shape == (0, 2)
+
+
+@pytest.mark.parametrize("scale", [1e-150, 1e-13, 1e13])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (1e7, 0.0), (0.0, -1e7)])
+def test_extreme_scales_and_places_change_no_mesh(rng, scale, shift):
+    chart = rng.normal(size=(40, 2))
+    moved = chart + shift
+    plain, other = build_mesh(chart), build_mesh(scale * moved)
+    assert {tuple(sorted(t)) for t in other.triangles.tolist()} == {
+        tuple(sorted(t)) for t in plain.triangles.tolist()
+    }
+    assert other.edges.tolist() == plain.edges.tolist()
+
+
+def test_slivers_are_no_triangles():
+    """Positions on a line, give or take 1e-13 of its length."""
+    x = np.linspace(-5.0, 5.0, 12)
+    for scale in (1e-6, 1.0, 1e6):
+        line = scale * np.column_stack([x, 0.5 * x + 1e-12 * (-1.0) ** np.arange(12)])
+        mesh = build_mesh(line)
+        assert mesh.triangles.shape == (0, 3)
+        assert mesh.area.shape == (0,)
+        assert mesh.edges.tolist() == [[k, k + 1] for k in range(11)]
+        thick = scale * np.column_stack([x, 0.5 * x + 1e-9 * (-1.0) ** np.arange(12)])
+        assert len(build_mesh(thick).triangles) > 0

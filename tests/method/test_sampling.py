@@ -8,7 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from intervis.method.sampling import _partition, sample_kernels, sample_radius, sample_stride
+from intervis.method.sampling import (
+    _first_axis,
+    _partition,
+    _select,
+    sample_kernels,
+    sample_radius,
+    sample_stride,
+)
 
 ORIGIN = np.zeros(3)
 
@@ -116,3 +123,117 @@ def test_balls_equal_a_greedy_loop(n, radius_m, seed):
         nearest = members[to_mean <= to_mean.min() * (1 + 1e-6)]
         expected.append(nearest[np.argmin(np.linalg.norm(points[nearest], axis=1))])
     assert sample_radius(points, radius_m, ORIGIN).tolist() == sorted(expected)
+
+
+def halves(points, members, kernels, tau, viewpoint):
+    """The kernels of some points, split one after the other as the paper's text says."""
+    if kernels == 1:
+        return [sorted(members)]
+    own = points[members]
+    axis = np.linalg.eigh(np.cov(own.T))[1][:, -1]
+    if axis @ (own.mean(axis=0) - viewpoint) < 0:
+        axis = -axis
+    ordered = [members[k] for k in np.argsort(own @ axis)]
+    near = kernels // 2
+    cut = near * tau
+    return halves(points, ordered[:cut], near, tau, viewpoint) + halves(
+        points, ordered[cut:], kernels - near, tau, viewpoint
+    )
+
+
+@given(st.integers(2, 200), st.integers(2, 40), st.integers(0, 2**32 - 1))
+def test_kernels_are_halves_across_the_first_principal_axis(n, tau, seed):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(n, 3)) @ rng.normal(size=(3, 3)) + rng.normal(size=3) * 3
+    viewpoint = rng.normal(size=3) * 5
+    expected = halves(points, list(range(n)), -(-n // tau), tau, viewpoint)
+    assert [sorted(m.tolist()) for m in kernels_of(points, tau, viewpoint)] == expected
+    nodes = []
+    for members in expected:
+        to_mean = np.linalg.norm(points[members] - points[members].mean(axis=0), axis=1)
+        ties = [m for m, d in zip(members, to_mean, strict=True) if d <= to_mean.min() * (1 + 1e-7)]
+        nodes.append(min(ties, key=lambda m: np.linalg.norm(points[m] - viewpoint)))
+    assert sample_kernels(points, tau, viewpoint).tolist() == sorted(nodes)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_of_two_members_the_one_nearer_to_the_viewpoint_is_the_node(axis, side):
+    points, viewpoint = np.full((2, 3), 0.5), np.full(3, 0.25)
+    points[1, axis] += 2.0
+    viewpoint[axis] += side * 4.0
+    assert sample_kernels(points, 2, viewpoint).tolist() == [1 if side > 0 else 0]
+    assert sample_radius(points, 3.0, viewpoint).tolist() == [1 if side > 0 else 0]
+
+
+def test_of_copies_the_first_is_the_node():
+    points = np.array([[5.0, 0, 0]] * 4 + [[5.0, 2, 0]] * 4 + [[5.0, 1, 0]] * 3)
+    assert sample_kernels(points, 11, ORIGIN).tolist() == [8], "the copies at the mean"
+    assert sample_kernels(points[::-1], 11, ORIGIN).tolist() == [0]
+    # two pairs of copies at one distance from the mean and from P0
+    pairs = np.array([[5.0, 1, 0], [5, -1, 0], [5, 1, 0], [5, -1, 0]])
+    assert sample_kernels(pairs, 4, ORIGIN).tolist() == [0]
+    assert sample_kernels(pairs[::-1], 4, ORIGIN).tolist() == [0]
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["any", "flat", "line", "diagonal", "round"]))
+def test_the_first_axis_is_an_eigenvector_of_the_largest_eigenvalue(seed, kind):
+    rng = np.random.default_rng(seed)
+    spread = rng.uniform(0.1, 5.0, 3)
+    if kind in ("flat", "line"):
+        spread[: 1 if kind == "flat" else 2] = 0.0
+    points = rng.normal(size=(20, 3)) * rng.permutation(spread)
+    if kind != "diagonal":
+        points = points @ Rotation.random(rng=rng).as_matrix()
+    matrix = points.T @ points
+    if kind == "diagonal":
+        matrix = np.diag(np.diag(matrix))
+    if kind == "round":
+        matrix = np.eye(3)
+    axis = np.array(_first_axis(*matrix[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]))
+    largest = np.linalg.eigvalsh(matrix)[-1]
+    assert np.linalg.norm(axis) == pytest.approx(1.0)
+    assert np.allclose(matrix @ axis, largest * axis, atol=1e-9 * largest)
+
+
+@given(
+    st.lists(st.integers(0, 9), min_size=1, max_size=60),
+    st.integers(0, 5),
+    st.integers(0, 5),
+    st.data(),
+)
+def test_select_puts_the_smallest_values_first(middle, before, after, data):
+    value = np.array([*range(before), *middle, *range(after)], float)
+    order = np.arange(len(value)) + 100
+    start, stop = before, before + len(middle)
+    target = data.draw(st.integers(start, stop - 1))
+    kept = value.copy()
+    _select(order, value, start, stop, target)
+    assert sorted(value[start:target].tolist()) == sorted(middle)[: target - start]
+    assert value[target] == sorted(middle)[target - start]
+    assert (value[start:target] <= value[target]).all()
+    assert (value[target:stop] >= value[target]).all()
+    assert kept[order - 100].tolist() == value.tolist(), "the order follows the values"
+    for outside in (slice(0, start), slice(stop, None)):
+        assert (order[outside] - 100).tolist() == list(range(len(value)))[outside]
+
+
+class Counted(list):
+    """A list that counts how often it is read."""
+
+    reads = 0
+
+    def __getitem__(self, index):
+        self.reads += 1
+        return super().__getitem__(index)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.99])
+def test_select_takes_linear_time_on_sorted_and_reversed_values(share):
+    n = 1000
+    for values in (range(n), range(n, 0, -1), [7] * n, [*range(0, n, 2), *range(n, 0, -2)]):
+        value, order = Counted(map(float, values)), list(range(len(values)))
+        target = int(share * n)
+        getattr(_select, "py_func", _select)(order, value, 0, len(value), target)
+        assert value[target] == sorted(values)[target]
+        assert value.reads < 20 * n, "a bad pivot reads half of n * n"

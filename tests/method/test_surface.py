@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 from scipy.spatial import distance as scipy_distance
@@ -297,3 +297,141 @@ def test_few_equal_or_collinear_points_give_finite_surfaces(metric, chart, n):
         surface = build_surface(points, ORIGIN, Settings(metric=metric, chart=chart))
         assert np.isfinite(surface.chart).all()
         assert np.isfinite(surface.flow_distance).all()
+
+
+def reached_by_definition(points, viewpoint, y):
+    """The nearest point of each sector of 2 degrees, counted from the direction of the mean."""
+    offset = points - viewpoint
+    mean = offset.mean(axis=0)
+    nearest = {}
+    for i, (east, north, _) in enumerate(offset):
+        turn_deg = np.degrees(np.arctan2(north, east) - np.arctan2(mean[1], mean[0])) % 360.0
+        sector = int(turn_deg // 2.0)
+        if sector not in nearest or np.linalg.norm(y[i]) < np.linalg.norm(y[nearest[sector]]):
+            nearest[sector] = i
+    return [i in nearest.values() for i in range(len(points))]
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_direct_reach_equals_a_loop_over_sectors(seed):
+    rng = np.random.default_rng(seed)
+    viewpoint = rng.normal(size=3) * 5
+    # all around the viewpoint, and denser to one side, so that the mean has a direction
+    points = viewpoint + rng.normal(size=(300, 3)) * 8 + rng.normal(size=3) * 4
+    y = points - viewpoint
+    reached = direct_reach(points, viewpoint, y)
+    assert reached.tolist() == reached_by_definition(points, viewpoint, y)
+    assert 50 < reached.sum() < 180
+
+
+def test_a_sector_starts_at_the_direction_of_the_mean():
+    """On it, half a degree left of it and half a degree right of it: two sectors."""
+    c, s = 10 * np.cos(np.deg2rad(0.5)), 10 * np.sin(np.deg2rad(0.5))
+    points = np.array([[5.0, 0, 0], [c, s, 0], [c, -s, 0]])
+    assert direct_reach(points, ORIGIN, points).tolist() == [True, False, True]
+    assert direct_reach(points[:1], ORIGIN, points[:1]).tolist() == [True]
+    assert direct_reach(points[:0], ORIGIN, points[:0]).shape == (0,)
+
+
+def test_cohesion_pulls_each_point_to_the_mean_of_its_neighbours():
+    y = np.array([[0.0, 0, 0], [2, 0, 0], [0, 4, 6]])
+    force = cohesion_force(y, np.array([[1, 2], [0, 2], [0, 1]]), 0.5)
+    # means: (1, 2, 3), (0, 2, 3), (1, 0, 0)
+    assert force.tolist() == [[0.5, 1, 1.5], [-1, 1, 1.5], [0.5, -2, -3]]
+    assert cohesion_force(y, np.empty((3, 0), int), 0.5).tolist() == [[0.0] * 3] * 3
+
+
+def repulsion_by_definition(y, distance, parent, scale, radius):
+    """Eq. 6 one point at a time; beta is lowered for the order along the flow to be kept."""
+    radius = np.median(distance) if radius is None else radius
+    force = np.zeros_like(y)
+    pushed = []
+    for i in range(len(y)):
+        step = y[i] - (y[parent[i]] if parent[i] >= 0 else 0.0)
+        if 0.0 < distance[i] < radius and step.any():
+            pushed.append((i, distance[i] / radius, step / np.linalg.norm(step)))
+    if pushed:
+        # d/drho (rho + beta (rho^-3 - rho^-2)) >= 1/2 at the smallest rho, where it is least
+        beta = min(scale, min(0.5 / (3 / rho**4 - 2 / rho**3) for _, rho, _ in pushed))
+        for i, rho, direction in pushed:
+            force[i] = beta * (1 / rho - 1) / rho**2 * radius * direction
+    return force
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([1e-3, 0.1, 50.0]),
+    st.sampled_from([None, 0.5, 3.0, 40.0]),
+)
+def test_repulsion_equals_a_loop(seed, scale, radius):
+    rng = np.random.default_rng(seed)
+    y = rng.normal(size=(40, 3)) * 4
+    distance, parent = flow_paths(y, nearest_neighbours(y), rng.random(40) < 0.1)
+    if radius == 0.5:
+        y, distance = 0.1 * y, 0.1 * distance
+    expected = repulsion_by_definition(y, distance, parent, scale, radius)
+    assert np.allclose(repulsion_force(y, distance, parent, scale, radius), expected)
+    assert (parent == 0).any() or (parent < 0).any()
+
+
+def test_repulsion_of_points_at_the_viewpoint_or_of_none_is_nothing():
+    nothing = np.zeros((3, 3))
+    parent = np.array([-1, 0, 0])
+    assert repulsion_force(nothing, np.zeros(3), parent, 1.0, None).tolist() == nothing.tolist()
+    assert repulsion_force(nothing[:0], np.zeros(0), parent[:0], 1.0, None).shape == (0, 3)
+    # a copy of the point before it, half way to R: it has no direction to move in
+    y = np.array([[5.0, 0, 0], [5.0, 0, 0], [20, 0, 0]])
+    force = repulsion_force(y, np.array([5.0, 5.0, 20.0]), np.array([-1, 0, 1]), 1e-3, 10.0)
+    assert np.allclose(force, [[0.04, 0, 0], [0, 0, 0], [0, 0, 0]])
+
+
+def test_a_node_of_a_chain_is_pushed_away_from_the_node_before_it():
+    # node 0 at (3, 0), node 1 at (3, 4) behind it: D' = 7; R = 14, so rho = 1/2.
+    y = np.array([[3.0, 0, 0], [3, 4, 0]])
+    force = repulsion_force(y, np.array([13.9, 7.0]), np.array([-1, 0]), 1e-3, 14.0)
+    assert np.allclose(force[1], [0, 1e-3 * 1 * 4 * 14, 0])
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(METRICS))
+def test_the_surface_is_built_from_its_parts(seed, metric):
+    """Positions relative to P0, the sum of both forces, and the forces in metres on the chart."""
+    points, viewpoint = cloud(seed), np.array([1.5, -2.0, 0.7])
+    chosen = Settings(metric=metric, cohesion=0.2, repulsion=0.1, influence_radius=2.0)
+    surface = build_surface(points, viewpoint, chosen)
+    weight = whitening(points, metric)[0]
+    y = (points - viewpoint) @ weight
+    assert np.allclose(surface.metric_position, y)
+    neighbours = nearest_neighbours(y)
+    reached = np.array(reached_by_definition(points, viewpoint, y))
+    distance = scipy_paths(y, neighbours, reached)
+    assert np.allclose(surface.flow_distance, distance)
+    force = cohesion_force(y, neighbours, 0.2)
+    force += repulsion_by_definition(y, distance, surface.flow_parent, 0.1, 2.0)
+    assert np.allclose(surface.displacement, force)
+    # in metres: the least displacement whose image under W is the force
+    moved_m = np.linalg.lstsq(weight.T, force.T, rcond=None)[0].T
+    expected = chart_coordinates(points, moved_m, viewpoint, "ground")
+    assert np.allclose(surface.chart, expected)
+
+
+def test_metrics_on_their_bounds():
+    rng = np.random.default_rng(1)
+    plain = rng.normal(size=(50, 3))
+    # an axis whose variance is less than 1e-10 of the largest adds no distance
+    for share, counts in ((2.5e-11, False), (4e-10, True)):
+        scaled = plain * [1e3, 1e3 * np.sqrt(share), 1e3]
+        scaled /= scaled.std(axis=0, ddof=1) / [1e3, 1e3 * np.sqrt(share), 1e3]
+        weight, _ = whitening(scaled, "normalized")
+        assert (weight[1, 1] > 0) == counts
+    # two points span no volume
+    assert whitening(plain[:2], "mahalanobis")[1] == "normalized"
+    assert whitening(plain[:1], "mahalanobis")[1] == "euclidean"
+    # along a line, with noise: correlations with eigenvalues of noise^2 and 3
+    line = rng.normal(size=(200, 1)) * [1.0, 1.0, 1.0]
+    for noise, used in ((1e-6, "normalized"), (1e-5, "normalized"), (1e-4, "mahalanobis")):
+        noisy = line + noise * rng.normal(size=(200, 3))
+        assert whitening(noisy, "mahalanobis")[1] == used
+    assert whitening(plain, "ground")[0].tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 0]]
+    assert whitening(plain, "euclidean")[0].tolist() == np.eye(3).tolist()

@@ -20,6 +20,13 @@ scene = Scene(sensor="VLP-16")
 for number in range(2):
     pose = turned(0.1 * number, 1.5 * number, 0.2)
     scan = street_scan(pose, seed=number, beams=12, step_deg=3.0, range_m=30.0)
+    # a sector without its middle beams, a direction that rounds to a full turn, and returns on the
+    # border of the ground map and beyond it
+    slope = scan[:, 2] / np.hypot(scan[:, 0], scan[:, 1])
+    hole = (np.abs(np.arctan2(scan[:, 1], scan[:, 0]) - 0.4) < 0.3) & (np.abs(slope + 0.2) < 0.16)
+    border = [[64, 0], [-64, 3], [5, 64], [-5, -64], [65, 65], [-65, -70], [127, 1], [2, -90]]
+    odd = [[9.0, -1e-18, 0.1], *([x + 0.001 * k, y, -1.7] for x, y in border for k in range(5))]
+    scan = np.vstack([scan[~hole], odd]).astype(np.float32)
     scene.add(scan, pose, 0.2 * number)
 rng = np.random.default_rng(5)
 a = rng.normal(0, 1, (30, 3)) * [5, 5, 0.6]

@@ -97,6 +97,73 @@ def test_a_near_old_scan_stays_where_a_far_younger_one_is_evicted():
     assert scene.poses[:, 0, 3].tolist() == [0.0, 5.0, 1.0, 2.0]
 
 
+def ring_at(x):
+    """A small scan at (x, 0, 0): one ring, 10 m around."""
+    azimuth = np.radians(np.arange(0.0, 360.0, 2.0))
+    ring = np.stack([10 * np.cos(azimuth), 10 * np.sin(azimuth), 0 * azimuth], axis=1)
+    return ring, turned(0.0, x, 0.0)
+
+
+def test_a_scene_holds_64_scans_unless_told_otherwise():
+    scene = Scene()
+    for x in range(66):
+        scene.add(*ring_at(0.5 * x))
+    assert len(scene) == 64
+
+
+def test_one_scan_is_kept_however_little_memory_is_allowed():
+    scene = Scene(max_bytes=1)
+    for x in range(3):
+        scene.add(*ring_at(x))
+        assert len(scene) == 1
+    assert scene.poses[0, 0, 3] == 2.0
+
+
+def test_the_pool_grows_by_half():
+    """Slots for 1, 2, 4 and 7 scans, and no more than the scene may hold."""
+    alone = Scene()
+    alone.add(*ring_at(0.0))
+    ground_bytes = 128 * 128 * 4
+    slot_bytes = alone.bytes - ground_bytes
+    scene = Scene(max_scans=6)
+    slots = []
+    for x in range(8):
+        scene.add(*ring_at(x))
+        slots.append((scene.bytes - len(scene) * ground_bytes) / slot_bytes)
+    assert slots == [1, 2, 4, 4, 6, 6, 6, 6]
+
+
+def test_packed_scans_are_those_of_the_scene():
+    scene = Scene()
+    for x in (3.0, 5.0, 9.0):
+        scene.add(*ring_at(x), 10.0 * x)
+    packed = scene.packed_scans()
+    assert packed.position.tolist() == [[3.0, 0, 0], [5.0, 0, 0], [9.0, 0, 0]]
+    assert packed.sensor_from_scene.shape == (3, 3, 4)
+    assert packed.sensor_from_scene[1, :, 3].tolist() == [-5.0, 0, 0]
+    assert packed.age_cost_m.tolist() == [0.0] * 3
+    assert np.isnan(packed.time_offset_s).all()
+    timed = scene.packed_scans(60.0)
+    assert timed.time_offset_s.tolist() == [-30.0, -10.0, 30.0]
+    assert timed.age_cost_m.tolist() == [600.0, 200.0, 600.0]  # 20 m a second
+
+
+def test_scans_at_poses_a_micrometre_apart_are_one():
+    ring, pose = ring_at(0.0)
+    for apart_m, scans in ((0.9e-6, 1), (1.1e-6, 2)):
+        scene = Scene()
+        scene.add(ring, pose)
+        moved = pose.copy()
+        moved[1, 3] -= apart_m
+        scene.add(ring, moved)
+        assert len(scene) == scans
+    scene = Scene()
+    scene.add(ring, pose)
+    scene.add(1.01 * ring, pose)
+    scene.add(ring[:-1], pose)
+    assert len(scene) == 3, "other returns at the same pose"
+
+
 def test_memory_is_bounded_in_bytes():
     one = Scene()
     one.add(street_scan(**COARSE))

@@ -87,6 +87,38 @@ def test_lines_within_a_range_are_the_dense_answer_picked(scene, rng):
     assert (dense.state[away > 12.0] == UNKNOWN).all()
 
 
+def test_a_range_ends_where_it_says(scene):
+    """Targets 3, 4 and 5 m away, of which one is as far as the range."""
+    viewpoint, targets = np.zeros(3), np.array([[3.0, 0, 0], [0, 4.0, 0], [3.0, 4.0, 0]])
+    for limit_m, within in ((5.0, 3), (4.999, 2), (4.0, 2), (3.0, 1), (0.5, 0)):
+        sight = scene.sight(viewpoint, targets, max_range_m=limit_m)
+        assert np.isfinite(sight.probability).tolist() == [k < within for k in range(3)]
+        row, column, near = scene.sight_within(viewpoint, targets, limit_m)
+        assert column.tolist() == list(range(within))
+        assert row.tolist() == [0] * within
+        assert row.dtype == column.dtype == np.int64
+        assert same(near, sight[:within])
+
+
+def test_a_line_is_visible_from_its_probability_on(scene):
+    target = [[3.0, 0, 0]]
+    usual = scene.sight([0.0, 0, 0], target)
+    assert usual.visible[0]
+    probability = float(usual.probability[0])
+    assert scene.sight([0.0, 0, 0], target, visible_from=probability).visible[0]
+    above = np.nextafter(probability, 1.0)
+    assert scene.sight([0.0, 0, 0], target, visible_from=above).unknown[0]
+    assert scene.sight([0.0, 0, 0], target, visible_from=0.0).visible[0]
+    assert scene.sight([0.0, 0, 0], target, visible_from=1.0).unknown[0]
+
+
+def test_the_unobserved_length_of_a_line_is_measured_outside_its_margins(scene):
+    """Straight up from the sensor: no beam is above 2 degrees."""
+    found = scene.unobserved_length([0.0, 0, 4.0], [0.0, 0, 10.0])
+    assert found == pytest.approx(6.0 - 2 * 0.4, abs=0.3)  # give or take a step
+    assert scene.unobserved_length([0.0, 0, 0], [3.0, 0, 0]) == 0.0
+
+
 def test_lines_within_a_range_come_in_ascending_order(scene, rng):
     viewpoints, targets = rng.normal(0, 10, (6, 3)), rng.normal(0, 20, (200, 3))
     row, column, _ = scene.sight_within(viewpoints, targets, 15.0)
@@ -174,6 +206,7 @@ def test_scenes_and_sights_print_what_they_hold(scene):
     sight = scene.sight([0.0, 0, 0], [[3.0, 0, 0], [0.0, 0, 60.0], [np.nan, 0, 0]])
     assert repr(sight) == "<Sight: 3 lines, 1 visible, 0 occluded, 2 unknown>"
     assert repr(sight[0]) == "<Sight: 1 line, 1 visible, 0 occluded, 0 unknown>"
+    assert repr(Scene.from_scan(street_scan(beams=8))).startswith("<Scene: 1 scan, ")
     both = scene.sight(np.zeros((2, 3)), [[3.0, 0, 0]])
     assert repr(both) == "<Sight: 2 x 1 lines, 2 visible, 0 occluded, 0 unknown>"
 

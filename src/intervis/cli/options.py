@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -166,3 +167,26 @@ def check_output_file(path: Path | None) -> None:
         raise OutputError(f"cannot write {path}: there is no folder {target.parent}.")
     if not os.access(target.parent, os.W_OK):
         raise OutputError(f"cannot write {path}: permission denied.")
+
+
+def check_output_files(paths: Mapping[str, Path | None]) -> None:
+    """Check before the work that several output files can be written, each to its own path.
+
+    Parameters
+    ----------
+    paths : mapping of str to Path or None
+        By the names of the options that give them.
+
+    Raises
+    ------
+    OutputError
+        Two options name one file; or as `check_output_file`.
+    """
+    options: dict[Path, str] = {}
+    for option, path in paths.items():
+        check_output_file(path)
+        if path is None:
+            continue
+        other = options.setdefault(path.resolve(), option)
+        if other != option:
+            raise OutputError(f"{other} and {option} both name {path}: give each its own file.")

@@ -1,13 +1,20 @@
 """``intervis evaluate`` at the command line, with methods whose answers are known."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
 import typer
 from yard import YARD, write_drive
 
-from intervis.errors import DriveError, IntervisError, OutputError, SettingsError
+from intervis.errors import (
+    DriveError,
+    IntervisError,
+    MissingExtraError,
+    OutputError,
+    SettingsError,
+)
 from intervis.lab.cli.evaluate import evaluate
 from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.methods import Method, Predictions
@@ -73,6 +80,30 @@ def test_table_and_json(drive, known_methods, tmp_path, capsys):
     assert content["schema"] == evaluation["schema"] == 3
 
 
+def test_each_output_needs_a_file_of_its_own(drive, tmp_path):
+    """Before anything is evaluated: there is no pair 0:99."""
+    (tmp_path / "here").mkdir()
+    for name in ("out", "here/../out"):
+        with pytest.raises(OutputError, match=r"--json and --markdown both name .*out: give"):
+            command(
+                drive, "--pairs", "0:99", "--json", tmp_path / "out", "--markdown", tmp_path / name
+            )
+    picture = tmp_path / "a.png"
+    with pytest.raises(OutputError, match=r"--markdown and --plot both name .*a\.png"):
+        command(drive, "--pairs", "0:99", "--markdown", picture, "--plot", picture)
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(DriveError):
+        command(drive, "--pairs", "0:99", "--json", tmp_path / "a", "--markdown", tmp_path / "b")
+
+
+def test_a_picture_that_cannot_be_drawn_is_told_before_the_work(drive, tmp_path, monkeypatch):
+    with pytest.raises(OutputError, match=r"\.png or \.svg at its end, got .*plot\.jpg"):
+        command(drive, "--pairs", "0:99", "--plot", tmp_path / "plot.jpg")
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtraError, match="matplotlib"):
+        command(drive, "--pairs", "0:99", "--plot", tmp_path / "plot.png")
+
+
 def test_random_points_in_space(drive, known_methods, capsys):
     command(drive, "--pairs", "0:5", "--targets", "space")
     assert "held-out returns, random points in space, protocol single" in capsys.readouterr().out
@@ -81,7 +112,7 @@ def test_random_points_in_space(drive, known_methods, capsys):
 def test_without_baselines_there_is_the_engine_only(drive, known_methods, capsys):
     command(drive, "--pairs", "0:5", "--protocol", "map")
     shown = capsys.readouterr().out
-    assert "protocol map" in shown
+    assert "protocol map, 1 viewpoint, " in shown
     assert "constant" not in shown
 
 

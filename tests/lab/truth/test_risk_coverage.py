@@ -6,20 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_answers import answers, columns
 
 from intervis.lab.truth.risk_coverage import risk_coverage
 from intervis.lab.truth.scores import average, score
 
-answers = st.lists(
-    st.tuples(st.booleans(), st.sampled_from([0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0])),
-    min_size=1,
-    max_size=7,
-)
-
-
-def columns(rows):
-    labels, probability = zip(*rows, strict=True)
-    return np.array(labels), np.array(probability)
+ANSWERS = answers([0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0], most=7)
 
 
 def all_orders(labels, probability):
@@ -74,7 +66,7 @@ def test_surest_right_answers_are_better_than_surest_wrong_ones():
     )
 
 
-@given(answers)
+@given(ANSWERS)
 def test_expectations_over_all_orders_of_ties(rows):
     labels, probability = columns(rows)
     curve = risk_coverage(labels, probability)
@@ -85,7 +77,7 @@ def test_expectations_over_all_orders_of_ties(rows):
         assert curve.false_rates(answered / total) == pytest.approx(tuple(rates))
 
 
-@given(answers, st.integers(2, 5))
+@given(ANSWERS, st.integers(2, 5))
 def test_the_risk_at_full_coverage_is_the_error(rows, copies):
     labels, probability = columns(rows)
     error = np.mean(labels != (probability >= 0.5))
@@ -95,7 +87,7 @@ def test_the_risk_at_full_coverage_is_the_error(rows, copies):
     assert sum(often.false_rates(1.0)) == pytest.approx(error)
 
 
-@given(answers)
+@given(ANSWERS)
 def test_swapping_visible_and_occluded_swaps_the_rates(rows):
     labels, probability = columns([row for row in rows if row[1] != 0.5] or [(True, 0.9)])
     curve, mirrored = risk_coverage(labels, probability), risk_coverage(~labels, 1 - probability)

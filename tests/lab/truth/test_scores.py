@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import assume, given
-from hypothesis import strategies as st
+from made_answers import answers, columns
 
 from intervis.errors import PointsError
 from intervis.lab.truth.scores import (
@@ -14,16 +14,7 @@ from intervis.lab.truth.scores import (
     score,
 )
 
-answers = st.lists(
-    st.tuples(st.booleans(), st.sampled_from([0.0, 0.1, 0.3, 0.5, 0.55, 0.9, 1.0])),
-    min_size=1,
-    max_size=40,
-)
-
-
-def columns(rows):
-    labels, probability = zip(*rows, strict=True)
-    return np.array(labels), np.array(probability)
+ANSWERS = answers([0.0, 0.1, 0.3, 0.5, 0.55, 0.9, 1.0], most=40)
 
 
 def test_matthews_from_a_table():
@@ -33,7 +24,7 @@ def test_matthews_from_a_table():
     assert matthews(labels, predicted) == pytest.approx(16 / np.sqrt(1120))
 
 
-@given(answers)
+@given(ANSWERS)
 def test_matthews_is_pearsons_correlation(rows):
     labels, probability = columns(rows)
     predicted = probability >= 0.5
@@ -57,7 +48,7 @@ def test_matthews_of_millions_does_not_overflow():
     assert matthews(labels, labels) == 1.0
 
 
-@given(answers)
+@given(ANSWERS)
 def test_area_is_the_fraction_of_correctly_ranked_pairs(rows):
     labels, probability = columns(rows)
     assume(0 < labels.sum() < len(labels))
@@ -126,7 +117,7 @@ def test_the_maximum_error_includes_bins_from_one_percent_on(small, expected):
     assert bins.max_calibration_error == pytest.approx(expected)
 
 
-@given(answers)
+@given(ANSWERS)
 def test_reliability_keeps_all_points(rows):
     labels, probability = columns(rows)
     bins = reliability(labels, probability)

@@ -119,8 +119,8 @@ def evaluate(
     from intervis.lab.truth.labelled_targets import HeldOutSettings
     from intervis.lab.truth.protocols import TOGETHER
 
-    for path in (json_file, markdown, plot):
-        options.check_output_file(path)
+    options.check_output_files({"--json": json_file, "--markdown": markdown, "--plot": plot})
+    options.check_picture_file(plot)
     if protocol == TOGETHER:
         if graph:
             raise SettingsError("--graph needs a drive; leave it out with --protocol together.")

@@ -10,6 +10,7 @@ import numpy as np
 from intervis.arrays import BoolArray, Float64Array, FloatArray
 from intervis.drives import Drive
 from intervis.errors import SettingsError
+from intervis.lab.truth.choices import checked_choice
 from intervis.lab.truth.held_out import DRIVE_RULE, LabelRule, held_out_labels
 from intervis.lab.truth.space_points import SPACE_COUNT, space_points
 from intervis.transform import transform
@@ -27,10 +28,7 @@ def checked_targets(name: str) -> TargetKind:
     SettingsError
         There is no such kind.
     """
-    for kind in TARGET_KINDS:
-        if name == kind:
-            return kind
-    raise SettingsError(f"there are no targets {name!r}; choose one of {', '.join(TARGET_KINDS)}.")
+    return checked_choice(name, TARGET_KINDS, "there are no targets")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Pairs of frames (i, j): scan i gives the targets, pose j the viewpoint, scan j the labels."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +10,7 @@ from intervis.errors import DriveError, SettingsError
 from intervis.lab.truth.protocols import distance_m
 
 Pairs = tuple[tuple[int, int], ...]
+NamedPairs = tuple[tuple[str, str], ...]
 
 SECTION_M = 16.0
 """Pairs are chosen within sections of the drive of about this length."""
@@ -95,15 +96,32 @@ def parsed_pairs(text: str) -> Pairs:
     >>> parsed_pairs("0:5, 10:2")
     ((0, 5), (10, 2))
     """
+    form = "pairs must be frame numbers I:J with commas between, as in 0:5,0:10"
+    return tuple((int(i), int(j)) for i, j in split_pairs(text, form, str.isdecimal))
+
+
+def split_pairs(text: str, form: str, valid: Callable[[str], bool] = bool) -> NamedPairs:
+    """Both names of each pair of ``A:B,C:D``, without the spaces around them.
+
+    Parameters
+    ----------
+    text : str
+    form : str
+        Start of the error message: what pairs must be.
+    valid : callable
+        Whether a name can be one. Default: all but the empty name.
+
+    Raises
+    ------
+    SettingsError
+        The text has another form, or a name is not valid.
+    """
     pairs = []
     for part in text.split(","):
-        i, colon, j = part.partition(":")
-        if not (colon and i.strip().isdecimal() and j.strip().isdecimal()):
-            raise SettingsError(
-                "pairs must be frame numbers I:J with commas between, as in 0:5,0:10,"
-                f" got {text!r}."
-            )
-        pairs.append((int(i), int(j)))
+        names = [name.strip() for name in part.split(":")]
+        if len(names) != 2 or not all(map(valid, names)):
+            raise SettingsError(f"{form}, got {text!r}.")
+        pairs.append((names[0], names[1]))
     return tuple(pairs)
 
 

@@ -9,7 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.errors import DriveError, SettingsError
+from intervis.errors import DriveError
+from intervis.lab.truth.choices import checked_choice
 
 Protocol = Literal["single", "past", "map"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
@@ -34,10 +35,7 @@ def checked_protocol(name: str) -> Protocol:
     >>> checked_protocol("map")
     'map'
     """
-    for protocol in PROTOCOLS:
-        if name == protocol:
-            return protocol
-    raise SettingsError(f"there is no protocol {name!r}; choose one of {', '.join(PROTOCOLS)}.")
+    return checked_choice(name, PROTOCOLS, "there is no protocol")
 
 
 def input_frames(

@@ -32,11 +32,8 @@ from intervis.arrays import Float32Array, Float64Array
 from intervis.drives import Drive
 from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError, PoseError, SettingsError
-from intervis.lab.truth.pairs import Pairs
+from intervis.lab.truth.pairs import NamedPairs, Pairs, split_pairs
 from intervis.transform import checked_pose, rigid
-
-ScannerPairs = tuple[tuple[str, str], ...]
-"""Names of the known and the reference scanner of each pair."""
 
 MAX_FRAMES = 6
 """A folder of more scans is taken as a drive: its pairs must be named."""
@@ -70,12 +67,13 @@ class ScannerSet:
         Name of the file or the folder.
     scanners : tuple of Scanner
     pairs : tuple of (str, str)
-        Pairs to evaluate where the caller names none.
+        Names of the known and the reference scanner of each pair to evaluate, where the caller
+        names none.
     """
 
     name: str
     scanners: tuple[Scanner, ...]
-    pairs: ScannerPairs
+    pairs: NamedPairs
 
     def scanner(self, name: str) -> Scanner:
         """The scanner of that name.
@@ -190,7 +188,7 @@ def scanners_of_drive(drive: Drive, pairs: Pairs | None = None) -> ScannerSet:
     return checked_pairs(ScannerSet(drive.name, tuple(scanners), named))
 
 
-def parsed_scanner_pairs(text: str) -> ScannerPairs:
+def parsed_scanner_pairs(text: str) -> NamedPairs:
     """Pairs of names from ``roof:left,left:roof``.
 
     Raises
@@ -203,16 +201,10 @@ def parsed_scanner_pairs(text: str) -> ScannerPairs:
     >>> parsed_scanner_pairs("roof:left, left:roof")
     (('roof', 'left'), ('left', 'roof'))
     """
-    pairs = []
-    for part in text.split(","):
-        known, _, reference = (name.strip() for name in part.partition(":"))
-        if not known or not reference or ":" in reference:
-            raise SettingsError(
-                "pairs of scanners must be KNOWN:REFERENCE with commas between, as in"
-                f" roof:left,left:roof, got {text!r}."
-            )
-        pairs.append((known, reference))
-    return tuple(pairs)
+    form = (
+        "pairs of scanners must be KNOWN:REFERENCE with commas between, as in roof:left,left:roof"
+    )
+    return split_pairs(text, form)
 
 
 def checked_pairs(scanners: ScannerSet) -> ScannerSet:

@@ -1,13 +1,14 @@
 """Tables of an evaluation: all methods at their best or at every setting, and the paper's graph."""
 
 import math
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from intervis.lab.truth.scores import COVERAGES
 from intervis.plots.tables import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from intervis.lab.truth.paper_graph import GraphScore
     from intervis.lab.truth.results import EvaluationResult, MethodResult
@@ -24,6 +25,19 @@ SCORE_HEADINGS = (
     "precision visible",
     "precision occluded",
 )
+SCORE_FIELDS = (
+    ("mcc", ".3f"),
+    ("aurc", ".3f"),
+    ("auc", ".3f"),
+    ("brier", ".3f"),
+    ("reliability.max_calibration_error", ".3f"),
+    ("coverage", ".1%"),
+    ("mcc_answered", ".3f"),
+    ("precision_visible", ".1%"),
+    ("precision_occluded", ".1%"),
+)
+"""Attribute of the scores and format, below each heading."""
+
 NOTE = (
     "MCC: Matthews correlation over all targets, visible from a probability of 0.5 on. Max cal."
     " error: largest calibration error of the reliability diagram, over bins with at least 1 % of"
@@ -42,6 +56,18 @@ RISK_HEADINGS = (
     ),
     "unknown said",
     "unknown visible",
+)
+RISK_FIELDS = (
+    ("mcc", ".3f"),
+    ("aurc", ".4f"),
+    ("false_visible_60", ".1%"),
+    ("false_occluded_60", ".1%"),
+    ("false_visible_80", ".1%"),
+    ("false_occluded_80", ".1%"),
+    ("false_visible_95", ".1%"),
+    ("false_occluded_95", ".1%"),
+    ("unknown_probability", ".3f"),
+    ("unknown_visible_fraction", ".3f"),
 )
 RISK_NOTE = (
     "AURC: mean risk over all coverages; the risk at a coverage is the fraction of wrong answers"
@@ -65,6 +91,17 @@ GRAPH_HEADINGS = (
     "predicted",
     "precision",
 )
+GRAPH_FIELDS = (
+    ("nodes", ".0f"),
+    ("nodes_visible", ".1%"),
+    ("nodes_predicted", ".1%"),
+    ("nodes_precision", ".1%"),
+    ("nodes_mcc", ".3f"),
+    ("edges", ".0f"),
+    ("edges_visible", ".1%"),
+    ("edges_predicted", ".1%"),
+    ("edges_precision", ".1%"),
+)
 GRAPH_NOTE = (
     "Visible (free): fraction of the labelled nodes (edges) that are visible (free), which is the"
     " precision of calling all of them intervisible. Predicted: fraction that the graph calls"
@@ -80,15 +117,13 @@ def accuracy_table(evaluation: "EvaluationResult", *, every_setting: bool = Fals
     The rows of each subset of the targets follow.
     """
     results = evaluation.results if every_setting else evaluation.best_settings()
-    cells = [(_name(result), *_scores(result.mean), *_times(result)) for result in results]
-    for subset in results[0].subsets if results else ():
-        cells += [
-            (f"{_name(result)}, {subset}", *_scores(result.mean_of(subset)), "", "")
-            for result in results
-        ]
+    cells = [
+        (name, *_texts(scores, SCORE_FIELDS), *times) for name, scores, times in _rows(results)
+    ]
     title = (
         f"{evaluation.source}: {evaluation.ground_truth}, protocol {evaluation.protocol},"
-        f" {len(evaluation.query_sets)} viewpoints, {evaluation.target_count:,} points"
+        f" {_counted(len(evaluation.query_sets), 'viewpoint')},"
+        f" {_counted(evaluation.target_count, 'point')}"
     )
     return Table(title, ("method", *SCORE_HEADINGS, "prepare", "answer"), tuple(cells), (NOTE,))
 
@@ -96,11 +131,7 @@ def accuracy_table(evaluation: "EvaluationResult", *, every_setting: bool = Fals
 def risk_table(evaluation: "EvaluationResult", *, every_setting: bool = False) -> Table:
     """Risk and coverage: one row for each method, and for each subset of the targets."""
     results = evaluation.results if every_setting else evaluation.best_settings()
-    cells = [(_name(result), *_risks(result.mean)) for result in results]
-    for subset in results[0].subsets if results else ():
-        cells += [
-            (f"{_name(result)}, {subset}", *_risks(result.mean_of(subset))) for result in results
-        ]
+    cells = [(name, *_texts(scores, RISK_FIELDS)) for name, scores, _ in _rows(results)]
     title = (
         f"{evaluation.source}: risk and coverage, {evaluation.ground_truth}, protocol"
         f" {evaluation.protocol}"
@@ -116,10 +147,10 @@ def viewpoint_table(evaluation: "EvaluationResult", *, every_method: bool = Fals
     engine, *_ = evaluation.results
     cells: list[tuple[str, ...]] = []
     for place, label in enumerate(evaluation.query_sets):
-        cells.append((label, *_scores(engine.scores[place])))
+        cells.append((label, *_texts(engine.scores[place], SCORE_FIELDS)))
         if every_method:
             cells += [
-                (f"{label}, {_name(result)}", *_scores(result.scores[place]))
+                (f"{label}, {_name(result)}", *_texts(result.scores[place], SCORE_FIELDS))
                 for result in evaluation.best_settings(label)[1:]
             ]
     methods = "all methods" if every_method else engine.method
@@ -129,20 +160,7 @@ def viewpoint_table(evaluation: "EvaluationResult", *, every_method: bool = Fals
 def graph_table(ground_truth: str, scores: "Sequence[GraphScore]") -> Table:
     """The paper's graph: one row for each viewpoint, tau and criterion."""
     cells = tuple(
-        (
-            score.viewpoint,
-            str(score.tau),
-            score.criterion,
-            f"{score.nodes:.0f}",
-            _text(score.nodes_visible, ".1%"),
-            _text(score.nodes_predicted, ".1%"),
-            _text(score.nodes_precision, ".1%"),
-            _text(score.nodes_mcc, ".3f"),
-            _text(score.edges, ".0f"),
-            _text(score.edges_visible, ".1%"),
-            _text(score.edges_predicted, ".1%"),
-            _text(score.edges_precision, ".1%"),
-        )
+        (score.viewpoint, str(score.tau), score.criterion, *_texts(score, GRAPH_FIELDS))
         for score in scores
     )
     title = f"The paper's graph compared with {ground_truth}"
@@ -154,38 +172,29 @@ def _name(result: "MethodResult") -> str:
     return result.method if setting == "default" else f"{result.method} ({setting})"
 
 
-def _scores(scores: "Scores") -> tuple[str, ...]:
-    return (
-        _text(scores.mcc, ".3f"),
-        _text(scores.aurc, ".3f"),
-        _text(scores.auc, ".3f"),
-        _text(scores.brier, ".3f"),
-        _text(scores.reliability.max_calibration_error, ".3f"),
-        _text(scores.coverage, ".1%"),
-        _text(scores.mcc_answered, ".3f"),
-        _text(scores.precision_visible, ".1%"),
-        _text(scores.precision_occluded, ".1%"),
-    )
-
-
-def _risks(scores: "Scores") -> tuple[str, ...]:
-    return (
-        _text(scores.mcc, ".3f"),
-        _text(scores.aurc, ".4f"),
-        _text(scores.false_visible_60, ".1%"),
-        _text(scores.false_occluded_60, ".1%"),
-        _text(scores.false_visible_80, ".1%"),
-        _text(scores.false_occluded_80, ".1%"),
-        _text(scores.false_visible_95, ".1%"),
-        _text(scores.false_occluded_95, ".1%"),
-        _text(scores.unknown_probability, ".3f"),
-        _text(scores.unknown_visible_fraction, ".3f"),
-    )
+def _rows(
+    results: "Sequence[MethodResult]",
+) -> "Iterator[tuple[str, Scores, tuple[str, str]]]":
+    """Name, scores and times of each method, then of each subset of its targets."""
+    for result in results:
+        yield _name(result), result.mean, _times(result)
+    for subset in results[0].subsets if results else ():
+        for result in results:
+            yield f"{_name(result)}, {subset}", result.mean_of(subset), ("", "")
 
 
 def _times(result: "MethodResult") -> tuple[str, str]:
     prepare = "" if result.prepare_s == 0 else _text(1e3 * result.prepare_s, ".0f")
     return prepare, _text(1e3 * result.answer_s, ".0f")
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def _texts(record: object, fields: "Sequence[tuple[str, str]]") -> tuple[str, ...]:
+    """The named attributes of a record, each in its format."""
+    return tuple(_text(attrgetter(name)(record), form) for name, form in fields)
 
 
 def _text(value: float, form: str) -> str:

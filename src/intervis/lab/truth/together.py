@@ -8,8 +8,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from intervis.errors import DriveError, SettingsError
+from intervis.errors import DriveError
 from intervis.lab.truth.baselines import InputScans
+from intervis.lab.truth.choices import checked_choice
 from intervis.lab.truth.evaluation import methods_for
 from intervis.lab.truth.held_out import rule_for_scanner
 from intervis.lab.truth.labelled_targets import (
@@ -90,10 +91,7 @@ def checked_frame(name: str) -> QueryFrame:
     SettingsError
         There is no such frame.
     """
-    for frame in QUERY_FRAMES:
-        if name == frame:
-            return frame
-    raise SettingsError(f"there is no frame {name!r}; choose one of {', '.join(QUERY_FRAMES)}.")
+    return checked_choice(name, QUERY_FRAMES, "there is no frame")
 
 
 def together_query_sets(
