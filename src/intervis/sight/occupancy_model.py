@@ -123,12 +123,12 @@ BELOW_GROUND_M, BELOW_GROUND_ATTENUATION_PER_M = 0.5, 4.0
 SHARPNESS: float = FITTED["sharpness"]
 CHANGE_TIME_S: float = FITTED["change_time_s"]
 """Time constant of both change fractions, seconds."""
-DISAPPEARED_SINGLE_SCAN: float = FITTED["disappeared_single_scan"]
-APPEARED_SINGLE_SCAN: float = FITTED["appeared_single_scan"]
-"""Change fractions after a long time if one scan contributes and nothing tells what moves."""
+DISAPPEARED_UNBRACKETED: float = FITTED["disappeared_unbracketed"]
+APPEARED_UNBRACKETED: float = FITTED["appeared_unbracketed"]
+"""Change fractions after a long time if no scans before and after the query time contribute."""
 DISAPPEARED: float = FITTED["disappeared"]
 APPEARED: float = FITTED["appeared"]
-"""Change fractions after a long time if several scans contribute."""
+"""Change fractions after a long time if scans before and after the query time contribute."""
 # Below 0.5, so that P(visible) still rises with Q.
 MAX_CHANGED = 0.45
 VISIBLE_MIN_PROBABILITY: float = FITTED["visible_min_probability"]
@@ -225,22 +225,23 @@ MODEL = model_of(FITTED)
 
 
 def change_fractions(
-    time_gap_s: ArrayLike, single_scan: ArrayLike, parameters: Parameters = MODEL.parameters
+    time_gap_s: ArrayLike, bracketed: ArrayLike, parameters: Parameters = MODEL.parameters
 ) -> tuple[Float64Array, Float64Array]:
     """Fractions `disappeared` of occluded and `appeared` of visible lines after a time.
 
-    `single_scan` says for each line, or for all, whether one scan contributes.
+    `bracketed` says for each line, or for all, whether scans before and after the query time
+    contribute.
 
     Examples
     --------
-    >>> disappeared, appeared = change_fractions([0.0, 1.0, 100.0], single_scan=True)
+    >>> disappeared, appeared = change_fractions([0.0, 1.0, 100.0], bracketed=False)
     >>> disappeared.round(2), appeared.round(2)
     (array([0.  , 0.14, 0.45]), array([0.  , 0.07, 0.41]))
     """
     p = parameters
     changed = 1.0 - np.exp(-np.asarray(time_gap_s) / p.change_time_s)
-    disappeared = np.where(single_scan, p.disappeared_single_scan, p.disappeared)
-    appeared = np.where(single_scan, p.appeared_single_scan, p.appeared)
+    disappeared = np.where(bracketed, p.disappeared, p.disappeared_unbracketed)
+    appeared = np.where(bracketed, p.appeared, p.appeared_unbracketed)
     return np.minimum(disappeared * changed, p.max_changed), np.minimum(
         appeared * changed, p.max_changed
     )

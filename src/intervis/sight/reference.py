@@ -39,7 +39,7 @@ class ReferenceResult(NamedTuple):
     end_occluded_m: float
     length_m: float
     time_gap_s: float
-    scans: int
+    bracketed: bool
 
     @property
     def optical_depth(self) -> float:
@@ -50,7 +50,7 @@ class ReferenceResult(NamedTuple):
     @property
     def probability(self) -> float:
         """P(visible)."""
-        fractions = model.change_fractions(self.time_gap_s, single_scan=self.scans == 1)
+        fractions = model.change_fractions(self.time_gap_s, self.bracketed)
         return float(model.probability(self.optical_depth, self.movable, *fractions))
 
     @property
@@ -162,7 +162,7 @@ def reference_result(scans: PackedScans, a: Float64Array, b: Float64Array) -> Re
         end_occluded_m(line),
         length_m,
         time_gap_s(scans, a, b),
-        len(scans.position),
+        is_bracketed(scans, a, b),
     )
 
 
@@ -222,6 +222,12 @@ def time_gap_s(scans: PackedScans, a: Float64Array, b: Float64Array) -> float:
     """Time between the query and the scan nearest to the line, seconds."""
     offset_s = float(scans.time_offset_s[_chosen_scans(scans, a, b)[0]])
     return 0.0 if np.isnan(offset_s) else abs(offset_s)
+
+
+def is_bracketed(scans: PackedScans, a: Float64Array, b: Float64Array) -> bool:
+    """Whether a scan on the other side of the query time than the nearest one contributes."""
+    offset_s = scans.time_offset_s[_chosen_scans(scans, a, b)]
+    return bool((offset_s[0] * offset_s[1:] < 0.0).any())
 
 
 def _samples(a: Float64Array, b: Float64Array) -> tuple[Float64Array, float]:

@@ -91,7 +91,7 @@ class _Likelihood:
         differences = [_second_differences(size) for size in sizes]
         self.difference = sparse.csr_array(sparse.block_diag(differences))
         self.movable_m = np.where(table.movable, self.step_m, 0.0)
-        self.changed = model.change_fractions(table.time_gap_s, table.single_scan, parameters)
+        self.changed = model.change_fractions(table.time_gap_s, table.bracketed, parameters)
 
     def optical_depth(
         self, theta: Float64Array

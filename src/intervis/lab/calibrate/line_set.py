@@ -14,6 +14,7 @@ from intervis.sight.occupancy_model import FITTED
 from intervis.sight.reference import (
     LineSamples,
     end_occluded_m,
+    is_bracketed,
     movable,
     reference_samples,
     time_gap_s,
@@ -85,7 +86,7 @@ class SampleTable:
     weight : (L,) float64 array
         Weights of the lines; those of a query set sum to its weight.
     time_gap_s, end_occluded_m : (L,) float64 arrays
-    single_scan : (L,) bool array
+    bracketed : (L,) bool array
     """
 
     line: IntArray
@@ -102,7 +103,7 @@ class SampleTable:
     weight: Float64Array
     time_gap_s: Float64Array
     end_occluded_m: Float64Array
-    single_scan: BoolArray
+    bracketed: BoolArray
 
 
 def hat_weights(value: Float64Array, knots: Float64Array) -> sparse.csr_array:
@@ -145,14 +146,14 @@ def sample_table(
         Knots of the curves.
     """
     lines: list[LineSamples] = []
-    visible, weight, gap_s, single = [], [], [], []
+    visible, weight, gap_s, bracketed = [], [], [], []
     for queries in query_sets:
         for a, b in zip(queries.starts, queries.ends, strict=True):
             lines.append(reference_samples(queries.scans, a, b))
             gap_s.append(time_gap_s(queries.scans, a, b))
+            bracketed.append(is_bracketed(queries.scans, a, b))
         visible.append(queries.visible)
         weight.append(np.full(len(queries.starts), queries.weight / len(queries.starts)))
-        single.append(np.full(len(queries.starts), len(queries.scans.position) == 1))
     counts = np.array([len(line.height) for line in lines])
     ranks = max(len(line.weights) for line in lines)
     height = np.concatenate([line.height for line in lines])
@@ -176,7 +177,7 @@ def sample_table(
         weight=np.concatenate(weight),
         time_gap_s=np.array(gap_s),
         end_occluded_m=np.array([end_occluded_m(line) for line in lines]),
-        single_scan=np.concatenate(single),
+        bracketed=np.array(bracketed),
     )
 
 

@@ -14,8 +14,8 @@ PRECISION_VISIBLE, PRECISION_OCCLUDED = 0.99, 0.97
 NAMES = (
     "sharpness",
     "change_time_s",
-    "disappeared_single_scan",
-    "appeared_single_scan",
+    "disappeared_unbracketed",
+    "appeared_unbracketed",
     "disappeared",
     "appeared",
 )
@@ -31,7 +31,7 @@ class JudgedLines:
     optical_depth, surface, unobserved, unobserved_m, occluded_space_m, length_m : (L,) arrays
         As in `intervis.sight.kernels.line_sums.LineSums`.
     time_gap_s : (L,) float64 array
-    single_scan : (L,) bool array
+    bracketed : (L,) bool array
         Whether one scan answered.
     visible : (L,) bool array
     weight : (L,) float64 array
@@ -44,13 +44,13 @@ class JudgedLines:
     occluded_space_m: Float64Array
     length_m: Float64Array
     time_gap_s: Float64Array
-    single_scan: BoolArray
+    bracketed: BoolArray
     visible: BoolArray
     weight: Float64Array
 
 
 def judged_lines(
-    sums: LineSums, length_m: Float64Array, visible: BoolArray, *, base: float, single_scan: bool
+    sums: LineSums, length_m: Float64Array, visible: BoolArray, *, base: float, bracketed: bool
 ) -> JudgedLines:
     """The lines of one query set; their weights sum to 1."""
     count = len(visible)
@@ -62,7 +62,7 @@ def judged_lines(
         occluded_space_m=sums.occluded_space_m,
         length_m=length_m,
         time_gap_s=sums.time_gap_s,
-        single_scan=np.full(count, single_scan),
+        bracketed=np.full(count, bracketed),
         visible=visible,
         weight=np.full(count, 1.0 / count),
     )
@@ -79,7 +79,7 @@ def joined(parts: list[JudgedLines]) -> JudgedLines:
 def line_probability(lines: JudgedLines, theta: Float64Array) -> Float64Array:
     """P(visible) of `occupancy_model` with the parameters `NAMES`."""
     parameters = model.MODEL.parameters._replace(**dict(zip(NAMES, theta, strict=True)))
-    fractions = model.change_fractions(lines.time_gap_s, lines.single_scan, parameters)
+    fractions = model.change_fractions(lines.time_gap_s, lines.bracketed, parameters)
     return model.probability(lines.optical_depth, *fractions, parameters.sharpness)
 
 

@@ -37,14 +37,15 @@ LOW, HIGH = range(2)
 # Columns of `Batch.lines`: position of the first sample and increment per sample (0 to 1 along the
 # line), length of a step in metres; start and vector of the line in the frame of the scan at hand
 # (three columns each); unit vector (x, y) from the nearest scan to the bracketing one and the
-# fraction of that way or time that had passed (three columns); rank of the bracketing scan.
-FIRST, INCREMENT, STEP_M, START, ALONG, DIRECTION, BRACKETING = 0, 1, 2, 3, 6, 9, 12
+# fraction of that way or time that had passed (three columns); rank of the bracketing scan, and
+# whether it lies on the other side of a query time.
+FIRST, INCREMENT, STEP_M, START, ALONG, DIRECTION, BRACKETING, BRACKETED = 0, 1, 2, 3, 6, 9, 12, 13
 
 
 class Batch(NamedTuple):
     """Working memory of one thread.
 
-    `samples` (12, W), `places` (3, W), `values` (2, W) and `lines` (B, 13): see the row and column
+    `samples` (12, W), `places` (3, W), `values` (2, W) and `lines` (B, 14): see the row and column
     names above. `offsets` (B, 3): a line's first sample, one past its last, and the latter padded
     to `LANES`. `chosen` (B, K): the contributing scans, nearest first. `runs` (B, 3): first sample,
     one past the last, and scan, of consecutive samples that read the same scan. `distance` (S,) and
@@ -73,7 +74,7 @@ def new_batch(scans: PackedScans, model: OccupancyModel) -> Batch:
         np.empty((12, width)),
         np.empty((3, width), np.int32),
         np.empty((2, width), np.int16),
-        np.empty((BATCH_LINES, BRACKETING + 1)),
+        np.zeros((BATCH_LINES, BRACKETED + 1)),
         np.empty((BATCH_LINES, 3), np.int64),
         np.zeros((BATCH_LINES, count), np.int64),
         np.empty((BATCH_LINES, 3), np.int64),

@@ -38,14 +38,14 @@ def _probability(
     optical_depth: float,
     movable: float,
     time_gap_s: float,
-    single_scan: bool,
+    bracketed: bool,
     parameters: Parameters,
 ) -> float:
     """P(visible): `occupancy_model.change_fractions` and `occupancy_model.probability` in one."""
     changed = 1.0 - np.exp(-time_gap_s / parameters.change_time_s)
     most = parameters.max_changed
-    disappeared = parameters.disappeared_single_scan if single_scan else parameters.disappeared
-    appeared = parameters.appeared_single_scan if single_scan else parameters.appeared
+    disappeared = parameters.disappeared if bracketed else parameters.disappeared_unbracketed
+    appeared = parameters.appeared if bracketed else parameters.appeared_unbracketed
     disappeared = min(disappeared * changed, most)
     appeared = min(appeared * changed, most)
     unchanged = 1.0 / (1.0 + np.expm1(optical_depth) ** parameters.sharpness)
@@ -96,7 +96,7 @@ def answer_range(
     answers: Answers,
 ) -> None:
     """Write the answers of lines `begin` to `stop`; see `intervis.sight.answers.answer_lines`."""
-    parameters, single_scan = model.parameters, len(scans.position) == 1
+    parameters = model.parameters
     batch, in_sensor_frame = new_batch(scans, model), np.empty((2, 3))
     first, second = np.empty((_LINES_AT_ONCE, 3)), np.empty((_LINES_AT_ONCE, 3))
     which = np.empty(_LINES_AT_ONCE, np.int64)
@@ -126,7 +126,7 @@ def answer_range(
             optical_depth = parameters.base_optical_depth + sums.free[i] + surface + unobserved
             optical_depth += parameters.end_occluded_depth * end_m**parameters.end_occluded_power
             probability = _probability(
-                optical_depth, sums.movable[i], sums.time_gap_s[i], single_scan, parameters
+                optical_depth, sums.movable[i], sums.time_gap_s[i], sums.bracketed[i] > 0, parameters
             )
             state = _state(
                 probability,

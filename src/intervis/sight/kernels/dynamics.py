@@ -8,6 +8,7 @@ import numpy as np
 from intervis.arrays import Float64Array, Int16Array, IntArray
 from intervis.kernels import kernel
 from intervis.sight.kernels.batch import (
+    BRACKETED,
     BRACKETING,
     BY_BRACKETING,
     BY_NEAREST,
@@ -51,7 +52,8 @@ def find_bracketing(
 
     Without a query time, the query is the passage of the sensor by the line's end that is closer to
     the nearest scan. `DIRECTION` becomes the unit vector (x, y) from the nearest to the bracketing
-    scan, and the fraction of the way, or of the time, that had passed at the query.
+    scan, and the fraction of the way, or of the time, that had passed at the query. `BRACKETED`
+    becomes 1 where scans before and after the query time contribute.
     """
     for i in range(len(first)):
         k = chosen[i, 0]
@@ -75,6 +77,7 @@ def find_bracketing(
         passed = min(max((u * to_x + v * to_y) / length, 0.0), 1.0)
         lines[i, DIRECTION], lines[i, DIRECTION + 1] = to_x, to_y
         lines[i, DIRECTION + 2] = offset_s / (offset_s - time_offset_s[k]) if timed else passed
+        lines[i, BRACKETED] = 1.0 if timed and rank > 0 else 0.0
         alone = NEAREST_DECIDES if timed else NO_BRACKETING
         known = NO_BRACKETING if length < MIN_BASELINE_M else rank
         lines[i, BRACKETING] = alone if rank == 0 else known

@@ -7,6 +7,7 @@ import numpy as np
 from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
 from intervis.sight.kernels.batch import (
+    BRACKETED,
     CLEARANCE,
     DYNAMIC,
     FIRST,
@@ -34,7 +35,8 @@ class LineSums(NamedTuple):
     at heights of traffic and people. `unobserved_m` is the length
     that no scan observed, `occluded_space_m` the part of it behind observed surfaces, and
     `end_occluded_m` the part of that which reaches an end of the line. `time_gap_s` is the time
-    between the query and the nearest scan, 0 without a query time. `clearance_m` is the smallest gap to a
+    between the query and the nearest scan, 0 without a query time; `bracketed` is 1 where scans before and
+    after it contribute, else 0. `clearance_m` is the smallest gap to a
     surface or the ground (inf: none). `occluder_m` is the distance from the line's first end to the
     sample at a surface with the highest occupancy, `occluder_scan` the scan that observed it (-1:
     none).
@@ -50,15 +52,16 @@ class LineSums(NamedTuple):
     time_gap_s: Float64Array
     clearance_m: Float64Array
     occluder_m: Float64Array
+    bracketed: Float64Array
     occluder_scan: IntArray
 
 
 @kernel
 def new_line_sums(count: int) -> LineSums:
     """Uninitialised sums for so many lines."""
-    v = np.empty((10, count))
+    v = np.empty((11, count))
     scan = np.empty(count, np.int64)
-    return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], scan)
+    return LineSums(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], scan)
 
 
 @kernel
@@ -190,6 +193,7 @@ def add_up(
         sums.end_occluded_m[at + i] = length_at_ends(occluded_space, begin, end) * step
         offset_s = time_offset_s[batch.chosen[i, 0]]
         sums.time_gap_s[at + i] = 0.0 if np.isnan(offset_s) else abs(offset_s)
+        sums.bracketed[at + i] = batch.lines[i, BRACKETED]
         sums.clearance_m[at + i] = max(least, 0.0)
         sums.occluder_m[at + i] = most_at * step
         sums.occluder_scan[at + i] = most_scan

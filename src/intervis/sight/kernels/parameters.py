@@ -34,8 +34,8 @@ class Parameters(NamedTuple):
     change_time_s: float
     disappeared: float
     appeared: float
-    disappeared_single_scan: float
-    appeared_single_scan: float
+    disappeared_unbracketed: float
+    appeared_unbracketed: float
     max_changed: float
     sharpness: float
     visible_min_probability: float
