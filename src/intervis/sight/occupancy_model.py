@@ -49,9 +49,6 @@ occupancy P(occupied) = 1 / (1 + exp(-log_odds)), the optical depth of the line 
 Here e is the length, in metres, of the occluded space that reaches an end of the line (of both ends,
 if both do): such an end may lie inside a solid body.
 
-A sample more than `BELOW_GROUND_M` below the nearest scan's ground, and free in no scan, attenuates
-by `BELOW_GROUND_ATTENUATION_PER_M` instead, whatever its log-odds.
-
 **Probability.** For independent samples, exp(-x) would be the probability that the line is clear.
 Errors of neighbouring samples are correlated, which the power `SHARPNESS` corrects. Until the query
 time, a fraction `disappeared` of the movable blockers has gone, and a fraction `appeared` of the
@@ -62,8 +59,8 @@ part x_movable of x from surfaces at heights of traffic and people:
     P(visible) = Q(x) + disappeared (Q(x - x_movable) - Q(x)) - appeared Q(x)
 
 **Three answers.** Beside `BASE_OPTICAL_DEPTH`, x is the sum of three parts, and each sample belongs
-to one of them: `surface` (samples with `SURFACE_FROM_M` <= d <= `SURFACE_TO_M` for some scan, below
-ground, or occupied by a dynamic object), `free` (other samples with d < `SURFACE_FROM_M` for some
+to one of them: `surface` (samples with `SURFACE_FROM_M` <= d <= `SURFACE_TO_M` for some scan, or
+occupied by a dynamic object), `free` (other samples with d < `SURFACE_FROM_M` for some
 scan) and `unobserved` (all others: no scan has a surface in their direction, or they lie deeper
 than `SURFACE_TO_M` behind it).
 
@@ -118,8 +115,8 @@ ATTENUATION_PER_M: float = FITTED["attenuation_per_m"]
 BASE_OPTICAL_DEPTH: float = FITTED["base_optical_depth"]
 END_OCCLUDED_DEPTH: float = FITTED["end_occluded_depth"]
 END_OCCLUDED_POWER: float = FITTED["end_occluded_power"]
-# The ground map is uncertain by less than this. Two samples below ground block a line.
-BELOW_GROUND_M, BELOW_GROUND_ATTENUATION_PER_M = 0.5, 4.0
+# The ground map is uncertain by less than this.
+BELOW_GROUND_M = 0.5
 SHARPNESS: float = FITTED["sharpness"]
 CHANGE_TIME_S: float = FITTED["change_time_s"]
 """Time constant of both change fractions, seconds."""
@@ -158,7 +155,7 @@ DYNAMIC_OCCUPIED_LOG_ODDS, DYNAMIC_FREE_LOG_ODDS = 1.5, -3.0
 # Sampling of the curves for the kernels: 5 cm, 1/32 in log-odds.
 ENTRIES_PER_M = 20.0
 ENTRIES_PER_LOG_ODDS, LOG_ODDS_FROM, LOG_ODDS_ENTRIES = 32.0, -12.0, 768
-DEPTH_FROM_M, HEIGHT_FROM_M, ASSUMED_FROM_M = -4.0, -0.5, -8.0
+DEPTH_FROM_M, HEIGHT_FROM_M, ASSUMED_FROM_M = -4.0, -8.0, -8.0
 
 
 def scan_weights(

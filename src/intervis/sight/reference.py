@@ -74,8 +74,8 @@ class LineSamples(NamedTuple):
     `step` is their spacing in metres. `depth`, `is_surface`, `known` are (C, K): depth behind the
     scan's surface, whether that is a surface return, whether the scan observed the direction.
     `weights` (C,) are the weights of the scans. `height` is the height above known ground,
-    `assumed_height` that above assumed ground, NaN where the other one applies. The masks `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface`,
-    `behind` (a surface) and `below_ground` classify the samples; `along_end` are those along the
+    `assumed_height` that above assumed ground, NaN where the other one applies. The masks `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface` and
+    `behind` (a surface) classify the samples; `along_end` are those along the
     surface that an end lies on.
     """
 
@@ -91,7 +91,6 @@ class LineSamples(NamedTuple):
     free: BoolArray
     at_surface: BoolArray
     behind: BoolArray
-    below_ground: BoolArray
     along_end: BoolArray
 
 
@@ -119,7 +118,6 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
     )
     free |= along_end
     on_surface &= ~along_end
-    below_ground = (height < -model.BELOW_GROUND_M) & ~free
     return LineSamples(
         step=step,
         depth=depth,
@@ -131,9 +129,8 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
         occupied=occupied,
         left=left,
         free=free,
-        at_surface=on_surface | occupied | below_ground,
+        at_surface=on_surface | occupied,
         behind=behind,
-        below_ground=below_ground,
         along_end=along_end,
     )
 
@@ -213,9 +210,7 @@ def attenuation_per_m(line: LineSamples) -> Float64Array:
     occupancy = _read(
         MODEL.tables.occupancies, log_odds, model.LOG_ODDS_FROM, model.ENTRIES_PER_LOG_ODDS
     )
-    return np.where(
-        line.below_ground, model.BELOW_GROUND_ATTENUATION_PER_M, model.ATTENUATION_PER_M * occupancy
-    )
+    return model.ATTENUATION_PER_M * occupancy
 
 
 def time_gap_s(scans: PackedScans, a: Float64Array, b: Float64Array) -> float:

@@ -84,10 +84,8 @@ class _Likelihood:
         self.table, self.matrix, self.parameters = table, matrix, parameters
         self.transposed = sparse.csr_array(matrix.T)
         self.weight = table.weight / table.weight.sum()
-        per_m = np.where(table.below_ground, model.BELOW_GROUND_ATTENUATION_PER_M, 0.0)
-        self.fixed = np.bincount(table.line, per_m * table.step_m, len(table.visible))
-        self.fixed += model.end_optical_depth(table.end_occluded_m, parameters)
-        self.step_m = np.where(table.below_ground, 0.0, table.step_m)
+        self.fixed = model.end_optical_depth(table.end_occluded_m, parameters)
+        self.step_m = table.step_m
         differences = [_second_differences(size) for size in sizes]
         self.difference = sparse.csr_array(sparse.block_diag(differences))
         self.movable_m = np.where(table.movable, self.step_m, 0.0)

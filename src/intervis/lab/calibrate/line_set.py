@@ -78,7 +78,7 @@ class SampleTable:
         Log-odds that are not fitted: `unknown_height_log_odds` without any ground, else 0.
     scans : (K,) int64 array
         Number of scans that contribute to the line.
-    occupied, left, below_ground : (K,) bool arrays
+    occupied, left : (K,) bool arrays
         See `intervis.sight.reference.LineSamples`.
     movable : (K,) bool array
         See `intervis.sight.reference.movable`.
@@ -97,7 +97,6 @@ class SampleTable:
     scans: IntArray
     occupied: BoolArray
     left: BoolArray
-    below_ground: BoolArray
     movable: BoolArray
     visible: BoolArray
     weight: Float64Array
@@ -171,7 +170,6 @@ def sample_table(
         scans=np.repeat([len(line.weights) for line in lines], counts),
         occupied=np.concatenate([line.occupied for line in lines]),
         left=np.concatenate([line.left for line in lines]),
-        below_ground=np.concatenate([line.below_ground for line in lines]),
         movable=np.concatenate([movable(line) for line in lines]),
         visible=np.concatenate(visible),
         weight=np.concatenate(weight),

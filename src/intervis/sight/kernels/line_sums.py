@@ -25,7 +25,6 @@ from intervis.sight.kernels.batch import (
     Batch,
 )
 from intervis.sight.kernels.parameters import Parameters
-from intervis.sight.kernels.terrain import ASSUMED_OFFSET_M
 
 
 class LineSums(NamedTuple):
@@ -117,8 +116,7 @@ def clear_ends(
 @kernel
 def classify_samples(samples: Float64Array, count: int, parameters: Parameters) -> None:
     """Split the occupancies of the samples into surface, free and unobserved."""
-    surface_to_m, below_ground_m = parameters.surface_to_m, parameters.below_ground_m
-    below_ground_ratio = parameters.below_ground_attenuation_per_m / parameters.attenuation_per_m
+    surface_to_m = parameters.surface_to_m
     gap, near, height = samples[GAP], samples[NEAR], samples[HEIGHT]
     surface, free, unobserved = samples[SURFACE], samples[FREE], samples[UNOBSERVED]
     is_unobserved, occluded_space = samples[IS_UNOBSERVED], samples[IN_OCCLUDED_SPACE]
@@ -128,9 +126,6 @@ def classify_samples(samples: Float64Array, count: int, parameters: Parameters) 
         # conditional loads are not vectorised.
         ahead, depth, above, occupancy = gap[m], near[m], height[m], surface[m]
         met = depth if depth <= surface_to_m else np.inf
-        depth_in_ground = above if ahead == np.inf else 0.0
-        met = 0.0 if depth_in_ground < -below_ground_m else met
-        occupancy = below_ground_ratio if depth_in_ground < -below_ground_m else occupancy
         at_surface = occupancy if met < np.inf else 0.0
         in_free = occupancy - at_surface if ahead < np.inf else 0.0
         surface[m] = at_surface
@@ -175,13 +170,11 @@ def add_up(
             samples_unobserved += is_unobserved[m]
             samples_occluded += occluded_space[m]
             least = min(least, clearance[m])
-        most, most_height, most_at, most_scan = 0.0, np.inf, 0.0, -1
+        most, most_at, most_scan = 0.0, 0.0, -1
         if at_surface > 0.0:
             for m in range(begin, end):
-                # Samples below ground have equal occupancy: take the one nearest to its surface.
-                above = height[m] if height[m] < 0.5 * ASSUMED_OFFSET_M else -np.inf
-                if surface[m] > most or (surface[m] == most > 0.0 and above > most_height):
-                    most, most_height = surface[m], above
+                if surface[m] > most:
+                    most = surface[m]
                     most_scan = batch.chosen[i, int(rank[m])]
                     most_at = m - begin + batch.lines[i, FIRST]
         sums.surface[at + i] = at_surface * attenuation_per_m * step

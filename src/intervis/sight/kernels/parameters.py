@@ -18,7 +18,6 @@ class Parameters(NamedTuple):
     end_occluded_depth: float
     end_occluded_power: float
     below_ground_m: float
-    below_ground_attenuation_per_m: float
     surface_from_m: float
     surface_to_m: float
     end_surface_m: float
