@@ -9,8 +9,8 @@ from intervis.sight.kernels.classify import Answers, answer_range
 from intervis.sight.kernels.line_sums import LineSums, new_line_sums
 from intervis.sight.kernels.march import march, order_ends
 from intervis.sight.kernels.packed_scans import PackedScans
-from intervis.sight.kernels.parameters import OccupancyModel
-from intervis.sight.occupancy_model import MODEL, VISIBLE_MIN_PROBABILITY
+from intervis.sight.kernels.parameters import OccupancyModel, Thresholds
+from intervis.sight.occupancy_model import DEFAULT_THRESHOLDS, MODEL
 
 VISIBLE, OCCLUDED, UNKNOWN = 1, 0, -1
 """The states of a sight line."""
@@ -25,10 +25,10 @@ def answer_lines(
     *,
     paired: bool,
     max_range_m: float | None = None,
-    visible_from: float = VISIBLE_MIN_PROBABILITY,
+    thresholds: Thresholds = DEFAULT_THRESHOLDS,
     model: OccupancyModel = MODEL,
 ) -> Answers:
-    """States, probabilities, blockers and clearances of lines between points of the scene.
+    """States, probabilities, blockers, clearances and observed shares of lines between points of the scene.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def answer_lines(
         L = S E lines, in the order of the starts.
     max_range_m : float or None
         Longer lines are unknown.
-    visible_from : float
-        Smallest probability of a visible line.
+    thresholds : Thresholds
+        See `intervis.sight.occupancy_model.thresholds_for`.
     model : OccupancyModel
 
     Returns
@@ -51,13 +51,16 @@ def answer_lines(
     """
     count = len(ends) if paired else len(starts) * len(ends)
     answers = Answers(
-        np.empty(count, np.int8), np.empty(count), np.empty((count, 3)), np.empty(count)
+        np.empty(count, np.int8),
+        np.empty(count),
+        np.empty((count, 3)),
+        np.empty(count),
+        np.empty(count),
     )
     limit_m = np.inf if max_range_m is None else float(max_range_m)
-    least = float(visible_from)
 
     def work(begin: int, stop: int) -> None:
-        answer_range(scans, starts, ends, paired, model, least, limit_m, begin, stop, answers)
+        answer_range(scans, starts, ends, paired, model, thresholds, limit_m, begin, stop, answers)
 
     in_parts(work, count, least=_MIN_LINES_PER_THREAD)
     return answers

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arrays import Float64Array, checked_point
+from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.scene import OCCLUDED, VISIBLE, Scene, Sight
 
 
@@ -49,7 +50,12 @@ class Explanation:
 
 
 def explain(
-    scene: Scene, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None
+    scene: Scene,
+    viewpoint: ArrayLike,
+    target: ArrayLike,
+    *,
+    risk: float = DEFAULT_RISK,
+    moment_s: float | None = None,
 ) -> Explanation:
     """Explain one sight line through a scene; arguments as in `Scene.sight`.
 
@@ -69,7 +75,7 @@ def explain(
     """
     start = checked_point(viewpoint, "viewpoint")
     end = checked_point(target, "target")
-    sight = scene.sight(start, end[None], moment_s=moment_s)
+    sight = scene.sight(start, end[None], risk=risk, moment_s=moment_s)
     unobserved_m = scene.unobserved_length(start, end, moment_s=moment_s)
     return explanation_of(start, end, sight, unobserved_m)
 
@@ -135,7 +141,7 @@ def _occluded(
 ) -> str:
     answer = f"Occluded: visible with a probability of {_percent(probability)}."
     if not np.isfinite(blocker).all():
-        return f"{answer} Its blocker has no single position."
+        return f"{answer} No single surface that a scan observed decides this."
     return (
         f"{answer} An observed surface occludes the line {_metres(at_m)} m from the viewpoint (of"
         f" {_metres(length_m)} m), at {_place(blocker)}; the line would have to pass"

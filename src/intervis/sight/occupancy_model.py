@@ -64,12 +64,17 @@ occupied by a dynamic object), `free` (other samples with d < `SURFACE_FROM_M` f
 scan) and `unobserved` (all others: no scan has a surface in their direction, or they lie deeper
 than `SURFACE_TO_M` behind it).
 
-    occluded (0)   surface > OCCLUDED_MIN_SURFACE: the line meets an observed surface
-    visible  (1)   surface < VISIBLE_MAX_SURFACE, unobserved < VISIBLE_MAX_UNOBSERVED and
-                   P >= VISIBLE_MIN_PROBABILITY; at most VISIBLE_MAX_UNOBSERVED_M and at most the
-                   fraction VISIBLE_MAX_UNOBSERVED_FRACTION of its length is unobserved, and at most
-                   VISIBLE_MAX_OCCLUDED_SPACE_M is unobserved and behind a surface
+The line is *mostly observed* if at most `OBSERVED_MAX_UNOBSERVED_M` and at most the fraction
+`OBSERVED_MAX_UNOBSERVED_FRACTION` of its length is unobserved, and at most
+`OBSERVED_MAX_OCCLUDED_SPACE_M` of that lies behind a surface. Thresholds of P decide on the state:
+
+    occluded (0)   P <= occluded_to
+    visible  (1)   P >= visible_from if mostly observed, else P >= visible_unobserved_from
     unknown (-1)   all other lines
+
+They depend on the risk that the caller states (`thresholds_for`): how often each of the two words may
+be wrong. They come from conformal risk control (Angelopoulos et al., ICLR 2024) on calibration scans;
+`intervis.lab.calibrate.risk` says how, and under which assumption they hold.
 
 All rules treat the two ends alike: the answer for (a, b) is the answer for (b, a).
 
@@ -91,7 +96,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arrays import BoolArray, Float64Array
-from intervis.sight.kernels.parameters import OccupancyModel, Parameters, Tables
+from intervis.sight.kernels.parameters import OccupancyModel, Parameters, Tables, Thresholds
 
 FITTED_FILE = "occupancy_model.toml"
 FITTED: Mapping[str, Any] = tomllib.loads(
@@ -128,13 +133,12 @@ APPEARED: float = FITTED["appeared"]
 """Change fractions after a long time if scans before and after the query time contribute."""
 # Below 0.5, so that P(visible) still rises with Q.
 MAX_CHANGED = 0.45
-VISIBLE_MIN_PROBABILITY: float = FITTED["visible_min_probability"]
-OCCLUDED_MIN_SURFACE: float = FITTED["occluded_min_surface"]
-# What "visible" demands beside its probability: unobserved space is rarely occupied, so the
-# probability alone would call lines visible that no beam crossed. Chosen in built-in worlds.
-VISIBLE_MAX_SURFACE, VISIBLE_MAX_UNOBSERVED = 0.3, 0.25
-VISIBLE_MAX_UNOBSERVED_M, VISIBLE_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
-VISIBLE_MAX_OCCLUDED_SPACE_M = 1.0
+# A line that is observed but for so much is mostly observed. Unobserved space is rarely occupied, so
+# that such lines have a threshold of their own.
+OBSERVED_MAX_UNOBSERVED_M, OBSERVED_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
+OBSERVED_MAX_OCCLUDED_SPACE_M = 1.0
+DEFAULT_RISK, RISK_RANGE = 0.02, (0.001, 0.2)
+"""How often "visible" and "occluded" may each be wrong, unless the caller says so."""
 # Depths that count as the surface itself.
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3
 # A line that ends on a surface leaves it along samples that are not farther from it than this.
@@ -280,7 +284,9 @@ def probability(
     without = np.maximum(np.asarray(optical_depth) - np.asarray(movable), 0.0)
     static = unchanged_probability(without, sharpness)
     return np.asarray(
-        unchanged + np.asarray(disappeared) * (static - unchanged) - np.asarray(appeared) * unchanged
+        unchanged
+        + np.asarray(disappeared) * (static - unchanged)
+        - np.asarray(appeared) * unchanged
     )
 
 
@@ -296,19 +302,13 @@ def unchanged_probability(optical_depth: ArrayLike, sharpness: float = SHARPNESS
         return np.asarray(1.0 / (1.0 + np.expm1(optical_depth) ** sharpness))
 
 
-def may_be_visible(
-    surface: ArrayLike,
-    unobserved: ArrayLike,
-    unobserved_m: ArrayLike,
-    occluded_space_m: ArrayLike,
-    length_m: ArrayLike,
+def mostly_observed(
+    unobserved_m: ArrayLike, occluded_space_m: ArrayLike, length_m: ArrayLike
 ) -> BoolArray:
-    """Which lines satisfy all conditions of "visible" but that on P.
+    """Which lines were observed but for a small part.
 
     Parameters
     ----------
-    surface, unobserved : (L,) float64 arrays
-        Parts of the optical depth.
     unobserved_m, occluded_space_m, length_m : (L,) float64 arrays
         Length that is unobserved, the part of it behind surfaces, and length of the line, metres.
 
@@ -316,14 +316,35 @@ def may_be_visible(
     --------
     The second line is half unobserved, outside the end margins:
 
-    >>> may_be_visible(0.1, 0.1, [0.5, 2.5], 0.0, 5.0)
+    >>> mostly_observed([0.5, 2.5], 0.0, 5.0)
     array([ True, False])
     """
     sampled_m = np.maximum(np.asarray(length_m) - 2.0 * END_MARGIN_M, 0.0)
-    allowed_m = np.minimum(VISIBLE_MAX_UNOBSERVED_M, VISIBLE_MAX_UNOBSERVED_FRACTION * sampled_m)
+    allowed_m = np.minimum(OBSERVED_MAX_UNOBSERVED_M, OBSERVED_MAX_UNOBSERVED_FRACTION * sampled_m)
     return np.asarray(
-        (np.asarray(surface) < VISIBLE_MAX_SURFACE)
-        & (np.asarray(unobserved) < VISIBLE_MAX_UNOBSERVED)
-        & (np.asarray(unobserved_m) <= allowed_m)
-        & (np.asarray(occluded_space_m) <= VISIBLE_MAX_OCCLUDED_SPACE_M)
+        (np.asarray(unobserved_m) <= allowed_m)
+        & (np.asarray(occluded_space_m) <= OBSERVED_MAX_OCCLUDED_SPACE_M)
     )
+
+
+def thresholds_for(risk: float, fitted: Mapping[str, Any] = FITTED) -> Thresholds:
+    """The thresholds of a stated risk: those of the next lower risk that was calibrated.
+
+    Parameters
+    ----------
+    risk : float
+        How often "visible" and "occluded" may each be wrong, from 0.001 to 0.2.
+    fitted : mapping
+        With `risks`, ascending, and a list for each field of `Thresholds`.
+
+    Examples
+    --------
+    >>> strict, lenient = thresholds_for(0.01), thresholds_for(0.1)
+    >>> strict.visible_from >= lenient.visible_from, strict.occluded_to <= lenient.occluded_to
+    (True, True)
+    """
+    row = int(np.searchsorted(fitted["risks"], risk * (1.0 + 1e-9), side="right")) - 1
+    return Thresholds(*(float(fitted[name][row]) for name in Thresholds._fields))
+
+
+DEFAULT_THRESHOLDS = thresholds_for(DEFAULT_RISK)

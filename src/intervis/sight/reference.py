@@ -56,16 +56,18 @@ class ReferenceResult(NamedTuple):
     @property
     def state(self) -> int:
         """1 visible, 0 occluded, -1 unknown."""
-        if self.surface > model.OCCLUDED_MIN_SURFACE:
+        thresholds = model.DEFAULT_THRESHOLDS
+        if self.probability <= thresholds.occluded_to:
             return 0
-        possible = model.may_be_visible(
-            self.surface,
-            self.unobserved,
-            self.unobserved_m,
-            self.occluded_space_m,
-            self.length_m,
-        )
-        return 1 if possible and self.probability >= model.VISIBLE_MIN_PROBABILITY else -1
+        observed = model.mostly_observed(self.unobserved_m, self.occluded_space_m, self.length_m)
+        least = thresholds.visible_from if observed else thresholds.visible_unobserved_from
+        return 1 if self.probability >= least else -1
+
+    @property
+    def observed(self) -> float:
+        """Share of the sampled length that some scan observed."""
+        sampled_m = self.length_m - 2.0 * model.END_MARGIN_M
+        return 1.0 - min(self.unobserved_m / sampled_m, 1.0) if sampled_m > 0.0 else 1.0
 
 
 class LineSamples(NamedTuple):

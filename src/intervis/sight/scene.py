@@ -23,7 +23,8 @@ from intervis.arrays import (
 from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE, answer_lines, sum_lines
 from intervis.sight.kernels.packed_scans import PackedScans
-from intervis.sight.occupancy_model import VISIBLE_MIN_PROBABILITY
+from intervis.sight.kernels.parameters import Thresholds
+from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE, thresholds_for
 from intervis.sight.projected_scan import project_scan
 from intervis.sight.range_image import range_image_of_projected
 from intervis.sight.scan_buffer import ScanBuffer
@@ -50,17 +51,21 @@ class Sight:
         not finite or the line is longer than `max_range_m`.
     blocker : (..., 3) float64 array
         Where an occluded line meets the surface that most likely occludes it, scene frame, metres;
-        NaN for other states. It does not depend on which end is the viewpoint.
+        NaN for other states, and where no observed surface does. It does not depend on which end is
+        the viewpoint.
     clearance : float64 array
         Metres. Of a line that is not occluded: the smallest distance between its samples in free
         space and the surface behind them, along the beam of a scan, or their height above ground
         if that is smaller; inf if nothing was observed beside the line. Of an occluded line: minus
-        the shift, up, down or sideways, that would clear the occluding surface.
+        the shift, up, down or sideways, that would clear the occluding surface, NaN if none does.
+    observed : float64 array
+        Share of the line's length that some beam crossed or ended in, 0 to 1; 0.4 m at either end
+        do not count. NaN where `probability` is.
 
     Examples
     --------
     >>> sight = Sight(np.array([1, -1, 1], np.int8), np.array([0.9, 0.5, 0.97]),
-    ...               np.full((3, 3), np.nan), np.array([0.4, np.inf, 1.2]))
+    ...               np.full((3, 3), np.nan), np.array([0.4, np.inf, 1.2]), np.ones(3))
     >>> sight
     <Sight: 3 lines, 2 visible, 0 occluded, 1 unknown>
     >>> sight[sight.visible].probability
@@ -71,6 +76,7 @@ class Sight:
     probability: Float64Array
     blocker: Float64Array
     clearance: Float64Array
+    observed: Float64Array
 
     @property
     def visible(self) -> BoolArray:
@@ -104,6 +110,7 @@ class Sight:
             np.asarray(self.probability.reshape(-1)[at]),
             np.asarray(self.blocker.reshape(-1, 3)[at]),
             np.asarray(self.clearance.reshape(-1)[at]),
+            np.asarray(self.observed.reshape(-1)[at]),
         )
 
     def _lines(self) -> NDArray[np.int8]:
@@ -232,7 +239,7 @@ class Scene:
         targets: ArrayLike,
         *,
         max_range_m: float | None = None,
-        visible_from: float = VISIBLE_MIN_PROBABILITY,
+        risk: float = DEFAULT_RISK,
         moment_s: float | None = None,
     ) -> Sight:
         """Which targets are visible from a viewpoint, or from each of several viewpoints.
@@ -245,9 +252,9 @@ class Scene:
             Metres, scene frame; (3,) is one target, M = 1. A target that is not finite is unknown.
         max_range_m : float or None
             Longer lines are unknown, with probability NaN. None: no limit.
-        visible_from : float
-            Smallest probability of a visible line. A higher value leaves more lines unknown and
-            calls fewer occluded lines visible.
+        risk : float
+            How often "visible" and "occluded" may each be wrong, from 0.001 to 0.2. A lower value
+            leaves more lines unknown. `docs/sight.md` says what the bound rests on.
         moment_s : float or None
             Query time, on the clock of the scans' timestamps: scans near that time contribute
             most. None: no particular time, as on a map; scans near the line contribute most.
@@ -264,11 +271,10 @@ class Scene:
         SceneError
             The scene holds no scan; or a query time is given and a scan has no timestamp.
         SettingsError
-            `visible_from` is not a probability, `max_range_m` is not positive and finite, or
+            `risk` is not from 0.001 to 0.2, `max_range_m` is not positive and finite, or
             `moment_s` is not finite.
         """
-        if not 0.0 <= _finite("visible_from", visible_from, "probability") <= 1.0:
-            raise SettingsError(f"visible_from is a probability from 0 to 1, got {visible_from}.")
+        thresholds = _thresholds(risk)
         if max_range_m is not None:
             max_range_m = _positive_length("max_range_m", max_range_m)
         from_points, to_points = _viewpoints(viewpoint), _targets(targets)
@@ -278,7 +284,7 @@ class Scene:
             to_points,
             paired=False,
             max_range_m=max_range_m,
-            visible_from=visible_from,
+            thresholds=thresholds,
         )
         shape = (len(from_points), len(to_points)) if np.ndim(viewpoint) == 2 else (-1,)
         return Sight(
@@ -286,10 +292,16 @@ class Scene:
             answers.probability.reshape(shape),
             answers.blocker.reshape((*shape, 3)),
             answers.clearance.reshape(shape),
+            answers.observed.reshape(shape),
         )
 
     def sight_lines(
-        self, starts: ArrayLike, ends: ArrayLike, *, moment_s: float | None = None
+        self,
+        starts: ArrayLike,
+        ends: ArrayLike,
+        *,
+        risk: float = DEFAULT_RISK,
+        moment_s: float | None = None,
     ) -> Sight:
         """Sight lines given by their two ends, (L, 3) each, scene frame; a Sight of shape (L,).
 
@@ -310,7 +322,13 @@ class Scene:
                 f" {len(to_points)} ends."
             )
         return Sight(
-            *answer_lines(self.packed_scans(moment_s), from_points, to_points, paired=True)
+            *answer_lines(
+                self.packed_scans(moment_s),
+                from_points,
+                to_points,
+                paired=True,
+                thresholds=_thresholds(risk),
+            )
         )
 
     def sight_within(
@@ -319,6 +337,7 @@ class Scene:
         targets: ArrayLike,
         max_range_m: float,
         *,
+        risk: float = DEFAULT_RISK,
         moment_s: float | None = None,
     ) -> tuple[IntArray, IntArray, Sight]:
         """Sight lines between several viewpoints and targets that are at most `max_range_m` long.
@@ -341,7 +360,7 @@ class Scene:
         order = np.lexsort((column, row))
         row, column = row[order], column[order]
         starts, ends = from_points[row], to_points[column]
-        return row, column, self.sight_lines(starts, ends, moment_s=moment_s)
+        return row, column, self.sight_lines(starts, ends, risk=risk, moment_s=moment_s)
 
     def unobserved_length(
         self, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None
@@ -386,6 +405,16 @@ def _finite(name: str, value: Any, unit: str) -> float:
     if not np.isfinite(number):
         raise SettingsError(f"{name} must be a finite number ({unit}), got {value!r}.")
     return number
+
+
+def _thresholds(risk: Any) -> Thresholds:
+    """The thresholds of a risk."""
+    least, most = RISK_RANGE
+    if not least <= _finite("risk", risk, "0.001 to 0.2") <= most:
+        raise SettingsError(
+            f"risk says how often a word may be wrong, from {least} to {most}, got {risk!r}."
+        )
+    return thresholds_for(float(risk))
 
 
 def _positive_length(name: str, value: Any) -> float:

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.optimize import minimize
 
 from intervis.arrays import BoolArray, Float64Array
-from intervis.lab.calibrate.line_set import SampleTable
+from intervis.lab.calibrate.line_set import LineDepths, SampleTable
 from intervis.sight import occupancy_model as model
 from intervis.sight.kernels.parameters import Parameters
 
@@ -30,7 +30,7 @@ _LEAST_PROBABILITY, _MIN_OPTICAL_DEPTH, _MAX_OPTICAL_DEPTH = 1e-6, 1e-9, 50.0
 class Curves:
     """Fitted curves, attenuation and base optical depth.
 
-    `loss` is the mean negative log-likelihood per line, each query set weighted alike.
+    `loss` is the mean negative log-likelihood per line, each family of lines weighted alike.
     """
 
     surface_log_odds: Float64Array
@@ -153,6 +153,29 @@ def _second_differences(size: int) -> sparse.csr_array:
     )
 
 
+def line_depths(table: SampleTable, fitted: Mapping[str, Any]) -> LineDepths:
+    """Optical depths of the lines under the curves of a fitted file, without occluded ends."""
+    likelihood = _likelihood_of(table, {**fitted, "end_occluded_depth": 0.0})
+    curves = [np.asarray(fitted[name], dtype=np.float64) for name in CURVES]
+    ends = np.log([fitted[name] for name in ATTENUATION])
+    x, movable, _, _ = likelihood.optical_depth(np.concatenate([*curves, ends]))
+    return LineDepths(
+        x,
+        movable,
+        table.end_occluded_m,
+        table.time_gap_s,
+        table.bracketed,
+        table.visible,
+        table.weight,
+    )
+
+
+def _likelihood_of(table: SampleTable, fitted: Mapping[str, Any]) -> _Likelihood:
+    matrix = design_matrix(table, fitted["weight_decay"], fitted["correlation"])
+    sizes = [len(fitted["depth_m"]), *(len(fitted[name]) for name in KNOTS)]
+    return _Likelihood(table, matrix, sizes, model.model_of({**model.FITTED, **fitted}).parameters)
+
+
 def fit_curves(
     table: SampleTable,
     knots: Mapping[str, Sequence[float]],
@@ -195,12 +218,9 @@ def fit_curves(
 
 def loss_of(table: SampleTable, fitted: Mapping[str, Any]) -> float:
     """Mean negative log-likelihood per line under the numbers of a fitted file."""
-    matrix = design_matrix(table, fitted["weight_decay"], fitted["correlation"])
-    sizes = [len(fitted["depth_m"]), *(len(fitted[name]) for name in KNOTS)]
-    parameters = model.model_of({**model.FITTED, **fitted}).parameters
     curves = [np.asarray(fitted[name], dtype=np.float64) for name in CURVES]
-    ends = np.log([fitted["attenuation_per_m"], fitted["base_optical_depth"]])
-    return _Likelihood(table, matrix, sizes, parameters).loss(np.concatenate([*curves, ends]))
+    ends = np.log([fitted[name] for name in ATTENUATION])
+    return _likelihood_of(table, fitted).loss(np.concatenate([*curves, ends]))
 
 
 def choose_weights(

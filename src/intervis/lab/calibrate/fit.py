@@ -2,18 +2,18 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from intervis.drives import Drive
 from intervis.errors import SettingsError
-from intervis.lab.calibrate import curves, probability
+from intervis.lab.calibrate import curves, probability, risk
 from intervis.lab.calibrate.line_set import QueryLines, SampleTable, query_lines, sample_table
 from intervis.lab.calibrate.outcome import Outcome, versions
 from intervis.lab.calibrate.plan import (
-    STREET,
+    STAGES,
     STREET_FRAMES,
     Input,
     Plan,
@@ -22,20 +22,19 @@ from intervis.lab.calibrate.plan import (
     fingerprints,
     opened,
 )
-from intervis.lab.truth.evaluation import chosen_pairs, held_out_query_sets, world_query_sets
-from intervis.lab.truth.held_out import SILHOUETTES_VISIBLE
+from intervis.lab.truth.cells import KINDS, cells, exact_lines, random_of, scan_of
+from intervis.lab.truth.evaluation import chosen_pairs, held_out_query_sets
 from intervis.lab.truth.labelled_targets import HeldOutSettings
-from intervis.lab.truth.query_set import QuerySet
-from intervis.lab.worlds import load_world
+from intervis.lab.worlds.places import PLACES, Place
+from intervis.lab.worlds.ray_casting import require_embreex
 from intervis.progress import Progress, silent
+from intervis.sight import Scene
 from intervis.sight import occupancy_model as model
-from intervis.sight.answers import sum_lines
+from intervis.sight.answers import answer_lines, sum_lines
 from intervis.sight.kernels.parameters import OccupancyModel
 
-LABELS = HeldOutSettings(rule=SILHOUETTES_VISIBLE)
-"""The shipped numbers were fitted with silhouettes labelled visible."""
-PROBABILITY_LINES = 20
-"""So many times more lines are drawn for `probability` and `thresholds`: the engine sums them."""
+ROUNDS = 3
+"""Curves and probability are fitted in turns, so many times."""
 
 
 def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None) -> Outcome:
@@ -56,82 +55,102 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
     Raises
     ------
     SettingsError
-        No input of the plan is used for one of the stages.
+        The plan names no lines for one of the stages.
     MissingExtraError
-        The plan names a built-in street and embreex is not installed.
+        The plan names a generated world and embreex is not installed.
     DriveError
         A drive cannot be opened, or lacks frames, poses or a reference for a pair.
     """
     report = progress or silent
     check_inputs(plan, data)
-    result = Outcome()
-    result.provenance.update(command="intervis calibrate", versions=versions())
-    table = _table(plan, data, "curves", report)
-    knots = {"depth_m": model.FITTED["depth_m"], "height_m": model.FITTED["height_m"]}
-    depth_m, height_m = (np.array(values, dtype=np.float64) for values in knots.values())
-
-    fitted = curves.fit_curves(table, depth_m, height_m)
+    knots = {name: model.FITTED[name] for name in curves.KNOTS}
+    table = sample_table(
+        _queries(plan, data, "curves", report),
+        *(np.array(values, dtype=np.float64) for values in knots.values()),
+    )
+    numbers, losses = fit_numbers(table)
     report("curves")
-    weights_table = _table(plan, data, "weights", report)
-    decay, correlation, _ = curves.choose_weights(weights_table, fitted, depth_m, height_m)
-    fitted = curves.fit_curves(table, depth_m, height_m, decay, correlation)
-    report("weights")
-    result.numbers.update(
-        weight_decay=decay,
-        correlation=correlation,
-        attenuation_per_m=fitted.attenuation_per_m,
-        base_optical_depth=fitted.base_optical_depth,
-        **knots,
-        surface_log_odds=fitted.surface_log_odds.tolist(),
-        volumetric_log_odds=fitted.volumetric_log_odds.tolist(),
-        height_log_odds=fitted.height_log_odds.tolist(),
-        # Chosen by hand: near the mean of the height curve over the heights of traffic.
-        unknown_height_log_odds=model.FITTED["unknown_height_log_odds"],
-    )
-    engine = model.model_of({**model.FITTED, **result.numbers})
-
-    lines = _judged(plan, data, "probability", engine, report)
-    numbers, loss = probability.fit_probability(lines)
-    result.numbers.update(numbers)
-    report("probability")
-    # A query without a time has the default time gap; the thresholds must be reachable then.
-    worlds = _judged(plan, data, "thresholds", engine, report)
-    worlds = replace(worlds, time_gap_s=np.full(len(worlds.visible), model.DEFAULT_TIME_GAP_S))
-    theta = np.array([numbers[name] for name in probability.NAMES])
-    p = probability.line_probability(worlds, theta)
-    result.numbers.update(probability.choose_thresholds(worlds, p))
+    engine = model.model_of({**model.FITTED, **numbers})
+    numbers |= fit_thresholds(_queries(plan, data, "thresholds", report), engine)
     report("thresholds")
-    result.provenance.update(
-        curves=_used(plan, "curves"),
-        weights=_used(plan, "weights"),
-        probability=_used(plan, "probability"),
-        thresholds=_used(plan, "thresholds"),
-        drives=fingerprints((given.drive for given in plan.inputs), data),
-        lines_per_pair=plan.lines_per_pair,
-        seed=plan.seed,
-        loss_curves=fitted.loss,
-        loss_curves_shipped=curves.loss_of(table, model.FITTED),
-        loss_probability=loss,
-    )
-    return result
+    provenance = {
+        "command": "intervis calibrate",
+        "versions": versions(),
+        **{stage: _used(plan, stage) for stage in STAGES},
+        "drives": fingerprints((given.drive for given in plan.inputs), data),
+        "lines_per_pair": plan.lines_per_pair,
+        "seed": plan.seed,
+        **losses,
+        "loss_shipped": curves.loss_of(table, model.FITTED),
+    }
+    return Outcome(numbers, provenance)
+
+
+def fit_numbers(table: SampleTable) -> tuple[dict[str, Any], dict[str, float]]:
+    """All numbers but the thresholds, and the losses by name.
+
+    Curves and probability are fitted in turns, each with the numbers of the other one fixed; the
+    weights of the scans are chosen after the first turn.
+    """
+    # Chosen by hand: near the mean of the height curve over the heights of traffic.
+    names = (*curves.KNOTS, "unknown_height_log_odds", "weight_decay", "correlation")
+    numbers: dict[str, Any] = {name: model.FITTED[name] for name in names}
+    numbers |= dict(zip(probability.NAMES, probability.START, strict=True))
+    for turn in range(ROUNDS):
+        parameters = model.model_of({**model.FITTED, **numbers}).parameters
+        fitted = curves.fit_curves(
+            table, numbers, parameters, numbers["weight_decay"], numbers["correlation"]
+        )
+        numbers |= fitted.numbers()
+        of_lines, loss = probability.fit_probability(curves.line_depths(table, numbers))
+        numbers |= of_lines
+        if turn == 0:
+            decay, correlation, _ = curves.choose_weights(table, fitted, numbers)
+            numbers |= {"weight_decay": decay, "correlation": correlation}
+    return numbers, {"loss_curves": fitted.loss, "loss_probability": loss}
+
+
+def fit_thresholds(queries: Iterator[QueryLines], engine: OccupancyModel) -> dict[str, list[float]]:
+    """The thresholds of the words for each risk; see `intervis.lab.calibrate.risk`."""
+    observed, unobserved, occluded = [], [], []
+    for _, group in groupby(queries, key=lambda lines: lines.unit):
+        parts = [_answered(lines, engine) for lines in group]
+        p, mostly, visible = (np.concatenate(part) for part in zip(*parts, strict=True))
+        every = np.ones(len(p), np.bool_)
+        observed.append(risk.Unit(p, mostly, visible))
+        unobserved.append(risk.Unit(p, ~mostly, visible))
+        occluded.append(risk.Unit(1.0 - p, every, ~visible))
+    return {
+        "risks": list(risk.RISKS),
+        "visible_from": risk.thresholds(observed),
+        "visible_unobserved_from": risk.thresholds(unobserved),
+        "occluded_to": [1.0 - limit for limit in risk.thresholds(occluded)],
+    }
+
+
+def _answered(lines: QueryLines, engine: OccupancyModel) -> tuple[Any, Any, Any]:
+    """P(visible) of lines, which of them are mostly observed, and which are visible."""
+    answers = answer_lines(lines.scans, lines.starts, lines.ends, paired=True, model=engine)
+    sums = sum_lines(lines.scans, lines.starts, lines.ends, engine)
+    length_m = np.linalg.norm(lines.ends - lines.starts, axis=1)
+    mostly = model.mostly_observed(sums.unobserved_m, sums.occluded_space_m, length_m)
+    return answers.probability, mostly, lines.visible
 
 
 def model_steps(plan: Plan) -> int:
     """How often `calibrate_model` reports progress."""
-    used = [given for given in plan.inputs for _ in given.stages]
-    return 4 + sum(len(given.protocols) for given in used)
+    of_drives = sum(len(given.protocols) * len(given.stages) for given in plan.inputs)
+    return 2 + of_drives + len(plan.matrix.curves) + len(plan.matrix.thresholds)
 
 
 def check_inputs(plan: Plan, data: Path) -> None:
     """Raise before the work where `calibrate_model` would raise: stages, drives, frame numbers."""
-    for stage in ("curves", "weights", "probability", "thresholds"):
-        if not any(stage in given.stages for given in plan.inputs):
+    seeds = {"curves": plan.matrix.curves, "thresholds": plan.matrix.thresholds}
+    for stage in STAGES:
+        if not seeds[stage] and not any(stage in given.stages for given in plan.inputs):
             raise SettingsError(f"no input of the plan is used for the stage {stage!r}: name one.")
-    for given in plan.inputs:
-        if "thresholds" in given.stages and not given.drive.startswith(STREET):
-            raise SettingsError(
-                f"the stage 'thresholds' needs an exact world (street:SEED), got {given.drive!r}."
-            )
+    if any(seeds.values()):
+        require_embreex()  # before minutes of work, not after them
     for given in plan.inputs:
         drive = check_drive(given.drive, data)
         if drive is not None:
@@ -146,58 +165,65 @@ def check_inputs(plan: Plan, data: Path) -> None:
 
 
 def _used(plan: Plan, stage: Stage) -> str:
-    return "; ".join(
-        f"{given.drive} {given.pairs} {' '.join(given.protocols)}"
+    seeds = plan.matrix.curves if stage == "curves" else plan.matrix.thresholds
+    drives = [
+        f"{given.drive} {given.pairs} {' '.join(given.protocols)} {' '.join(given.targets)}"
         for given in plan.inputs
         if stage in given.stages
-    )
+    ]
+    left_out = f" without {' '.join(plan.matrix.leave_out)}" if plan.matrix.leave_out else ""
+    matrix = [f"matrix seeds {' '.join(map(str, seeds))}{left_out}"] if seeds else []
+    return "; ".join(matrix + drives)
 
 
-def _table(plan: Plan, data: Path, stage: Stage, report: Progress) -> SampleTable:
-    depth_m, height_m = (
-        np.array(model.FITTED[name], dtype=np.float64) for name in ("depth_m", "height_m")
-    )
-    return sample_table(_queries(plan, data, stage, plan.lines_per_pair, report), depth_m, height_m)
-
-
-def _judged(
-    plan: Plan, data: Path, stage: Stage, engine: OccupancyModel, report: Progress
-) -> probability.JudgedLines:
-    count = PROBABILITY_LINES * plan.lines_per_pair
-    return probability.joined(
-        [
-            probability.judged_lines(
-                sum_lines(queries.scans, queries.starts, queries.ends, engine),
-                np.linalg.norm(queries.ends - queries.starts, axis=1),
-                queries.visible,
-                base=engine.parameters.base_optical_depth,
-                single_scan=len(queries.scans.position) == 1,
-            )
-            for queries in _queries(plan, data, stage, count, report)
-        ]
-    )
-
-
-def _queries(
-    plan: Plan, data: Path, stage: Stage, count: int, report: Progress
-) -> Iterator[QueryLines]:
+def _queries(plan: Plan, data: Path, stage: Stage, report: Progress) -> Iterator[QueryLines]:
+    seeds = plan.matrix.curves if stage == "curves" else plan.matrix.thresholds
+    lines = plan.matrix.lines if stage == "curves" else plan.matrix.threshold_lines
+    for seed in seeds:
+        yield from matrix_lines(seed, lines, plan.matrix.leave_out)
+        report(f"{stage}: matrix, seed {seed}")
+    count = plan.lines_per_pair if stage == "curves" else plan.threshold_lines_per_pair
     rng = np.random.default_rng(plan.seed)
     for given in plan.inputs:
-        if stage not in given.stages:
+        if stage in given.stages:
+            yield from _drive_lines(given, data, stage, count, rng, report)
+
+
+def _drive_lines(
+    given: Input, data: Path, stage: Stage, count: int, rng: np.random.Generator, report: Progress
+) -> Iterator[QueryLines]:
+    with opened(given.drive, data) as drive:
+        for protocol in given.protocols:
+            for targets in given.targets:
+                settings = HeldOutSettings(targets=targets, rate_hz=given.rate)
+                family = f"{given.drive} {protocol} {targets}"
+                for query_set in held_out_query_sets(drive, given.frame_pairs, protocol, settings):
+                    lines = query_lines(query_set, count, rng)
+                    yield replace(lines, family=family, unit=f"{family} {lines.label}")
+            report(f"{stage}: {given.drive}, {protocol}")
+
+
+def matrix_lines(seed: int, count: int, leave_out: tuple[str, ...] = ()) -> Iterator[QueryLines]:
+    """The lines of all cells, one query set for each kind of lines."""
+    places: dict[str, Place] = {}
+    for cell in cells():
+        if {cell.scanner, cell.mount, cell.world} & set(leave_out):
             continue
-        with opened(given.drive, data) as drive:
-            for protocol in given.protocols:
-                for query_set in _query_sets(drive, given, stage, protocol):
-                    yield query_lines(query_set, count, rng)
-                report(f"{stage}: {given.drive}, {protocol}")
-
-
-def _query_sets(drive: Drive, given: Input, stage: Stage, protocol: Any) -> Iterator[QuerySet]:
-    if stage != "thresholds":
-        yield from held_out_query_sets(drive, given.frame_pairs, protocol, LABELS)
-        return
-    world = load_world(drive.root)
-    frames = sorted({i for i, _ in given.frame_pairs})
-    yield from world_query_sets(
-        drive, lambda number: world.triangles_at_frame(number)[0], frames, protocol
-    )
+        place = places.setdefault(cell.world, PLACES[cell.world](seed))
+        rng = random_of(cell, seed)
+        scan = scan_of(cell, place, rng)
+        lines = exact_lines(place, scan, count, rng)
+        scans = Scene.from_scan(scan.points, scan.pose).packed_scans()
+        label = f"{cell.scanner} {cell.mount} {cell.world} {seed}"
+        for k, kind in enumerate(KINDS):
+            rows = lines.kind == k
+            if rows.any():
+                yield QueryLines(
+                    label,
+                    scans,
+                    lines.starts[rows],
+                    lines.ends[rows],
+                    lines.visible[rows],
+                    family=f"matrix {kind}",
+                    unit=label,
+                )

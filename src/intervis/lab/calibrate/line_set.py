@@ -1,5 +1,6 @@
 """Sight lines with known answers, and their samples as one flat table."""
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -33,8 +34,10 @@ class QueryLines:
     starts, ends : (L, 3) float64 arrays
         Scene frame, metres.
     visible : (L,) bool array
-    weight : float
-        Of the query set among all.
+    family : str
+        All families have the same weight, and so have the query sets of a family.
+    unit : str
+        The scans that it belongs to: lines of one unit depend on each other.
     """
 
     label: str
@@ -42,7 +45,8 @@ class QueryLines:
     starts: Float64Array
     ends: Float64Array
     visible: BoolArray
-    weight: float = 1.0
+    family: str = ""
+    unit: str = ""
 
 
 def query_lines(query_set: QuerySet, count: int, rng: np.random.Generator) -> QueryLines:
@@ -84,7 +88,7 @@ class SampleTable:
         See `intervis.sight.reference.movable`.
     visible : (L,) bool array
     weight : (L,) float64 array
-        Weights of the lines; those of a query set sum to its weight.
+        Weights of the lines; those of a family sum to 1.
     time_gap_s, end_occluded_m : (L,) float64 arrays
     bracketed : (L,) bool array
     """
@@ -145,14 +149,17 @@ def sample_table(
         Knots of the curves.
     """
     lines: list[LineSamples] = []
-    visible, weight, gap_s, bracketed = [], [], [], []
+    visible, weight, gap_s, bracketed, families = [], [], [], [], []
     for queries in query_sets:
         for a, b in zip(queries.starts, queries.ends, strict=True):
             lines.append(reference_samples(queries.scans, a, b))
             gap_s.append(time_gap_s(queries.scans, a, b))
             bracketed.append(is_bracketed(queries.scans, a, b))
         visible.append(queries.visible)
-        weight.append(np.full(len(queries.starts), queries.weight / len(queries.starts)))
+        weight.append(np.full(len(queries.starts), 1.0 / len(queries.starts)))
+        families.append(queries.family)
+    sizes = Counter(families)
+    weight = [one / sizes[family] for one, family in zip(weight, families, strict=True)]
     counts = np.array([len(line.height) for line in lines])
     ranks = max(len(line.weights) for line in lines)
     height = np.concatenate([line.height for line in lines])
@@ -191,3 +198,25 @@ def _depth_weights(lines: list[LineSamples], rank: int, depth_m: Float64Array) -
     volumetric = hat_weights(np.where(is_surface, np.nan, value), depth_m)
     of_surface = hat_weights(np.where(is_surface, value, np.nan), depth_m)
     return sparse.csr_array(sparse.hstack([volumetric, of_surface]))
+
+
+@dataclass(frozen=True, eq=False)
+class LineDepths:
+    """L lines with known answers, and what decides on their probability.
+
+    Attributes
+    ----------
+    optical_depth, movable : (L,) float64 arrays
+        Without the term of occluded ends; its movable part.
+    end_occluded_m, time_gap_s : (L,) float64 arrays
+    bracketed, visible : (L,) bool arrays
+    weight : (L,) float64 array
+    """
+
+    optical_depth: Float64Array
+    movable: Float64Array
+    end_occluded_m: Float64Array
+    time_gap_s: Float64Array
+    bracketed: BoolArray
+    visible: BoolArray
+    weight: Float64Array

@@ -5,12 +5,13 @@ import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from intervis.drives import Drive, open_drive
 from intervis.errors import SettingsError
+from intervis.lab.truth.labelled_targets import TargetKind
 from intervis.lab.truth.pairs import Pairs, parsed_pairs
 from intervis.lab.truth.protocols import Protocol
 from intervis.lab.worlds import simulate
@@ -19,23 +20,46 @@ from intervis.lab.worlds.ray_casting import require_embreex
 DEFAULT_PLAN = Path(__file__).with_name("plan.toml")
 STREET, STREET_FRAMES = "street:", 24
 
-Stage = Literal["curves", "weights", "probability", "thresholds"]
+Stage = Literal["curves", "thresholds"]
+STAGES: tuple[Stage, ...] = get_args(Stage)
 
 
 class Input(BaseModel):
-    """One drive and what it is used for."""
+    """One drive and what it is used for.
+
+    `rate` is in frames a second, for a drive without timestamps.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     drive: str
     pairs: str
     protocols: tuple[Protocol, ...] = Field(min_length=1)
+    targets: tuple[TargetKind, ...] = Field(default=("returns",), min_length=1)
+    rate: float | None = Field(default=None, gt=0)
     stages: tuple[Stage, ...]
 
     @property
     def frame_pairs(self) -> Pairs:
         """The pairs (i, j) of frame numbers."""
         return parsed_pairs(self.pairs)
+
+
+class MatrixInput(BaseModel):
+    """Cells of scanners, mounts and worlds (`intervis.lab.truth.cells`), by seeds of each stage.
+
+    `lines` are drawn from a cell, a quarter of each kind, for the curves; `threshold_lines` for the
+    thresholds. Cells with one of the names in `leave_out` (a scanner, a mount or a world) take no
+    part.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    curves: tuple[int, ...] = ()
+    thresholds: tuple[int, ...] = ()
+    lines: int = Field(default=48, ge=4)
+    threshold_lines: int = Field(default=240, ge=4)
+    leave_out: tuple[str, ...] = ()
 
 
 class GranularityInput(BaseModel):
@@ -56,15 +80,20 @@ class Plan(BaseModel):
         Sight lines drawn from each pair and protocol.
     seed : int
         Of the draw.
+    threshold_lines_per_pair : int
+        The same for the stage `thresholds`.
     inputs : tuple of Input
+    matrix : MatrixInput
     granularity : GranularityInput or None
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     lines_per_pair: int = Field(default=800, ge=1)
+    threshold_lines_per_pair: int = Field(default=1000, ge=1)
     seed: int = Field(default=0, ge=0)
-    inputs: tuple[Input, ...]
+    inputs: tuple[Input, ...] = ()
+    matrix: MatrixInput = MatrixInput()
     granularity: GranularityInput | None = None
 
 

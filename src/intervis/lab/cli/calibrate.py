@@ -60,7 +60,7 @@ def calibrate(
         _write(
             out / "occupancy_model.toml", outcome, occupancy_model.FITTED, "sight.occupancy_model"
         )
-        for name in ("loss_curves_shipped", "loss_curves", "loss_probability"):
+        for name in ("loss_shipped", "loss_curves", "loss_probability"):
             show(f"{name}: {outcome.provenance[name]:.4f}")
     if fits_granularity:
         with progress("granularity", granularity_steps(chosen)) as advance:

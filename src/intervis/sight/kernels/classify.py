@@ -1,4 +1,4 @@
-"""States, probabilities, blockers and clearances of many sight lines."""
+"""States, probabilities, blockers, clearances and observed shares of many sight lines."""
 
 from typing import NamedTuple
 
@@ -12,18 +12,19 @@ from intervis.sight.kernels.line_sums import new_line_sums
 from intervis.sight.kernels.march import march, order_ends
 from intervis.sight.kernels.occluder import locate_occluder
 from intervis.sight.kernels.packed_scans import PackedScans
-from intervis.sight.kernels.parameters import OccupancyModel, Parameters
+from intervis.sight.kernels.parameters import OccupancyModel, Parameters, Thresholds
 
 _LINES_AT_ONCE = 256
 
 
 class Answers(NamedTuple):
-    """State, probability, blocker and clearance of L lines, as in `intervis.sight.Sight`."""
+    """The fields of `intervis.sight.Sight`, of L lines."""
 
     state: NDArray[np.int8]
     probability: Float64Array
     blocker: Float64Array
     clearance: Float64Array
+    observed: Float64Array
 
 
 @kernel
@@ -54,32 +55,27 @@ def _probability(
 
 
 @kernel
-def _state(
-    probability: float,
-    surface: float,
-    unobserved: float,
-    unobserved_m: float,
-    occluded_space_m: float,
-    length: float,
-    visible_from: float,
-    parameters: Parameters,
-) -> int:
-    """1 visible, 0 occluded, -1 unknown."""
-    if surface > parameters.occluded_min_surface:
-        return 0
-    judged_m = max(length - 2.0 * parameters.end_margin_m, 0.0)
+def _mostly_observed(
+    unobserved_m: float, occluded_space_m: float, length_m: float, parameters: Parameters
+) -> bool:
+    """`occupancy_model.mostly_observed`."""
+    sampled_m = max(length_m - 2.0 * parameters.end_margin_m, 0.0)
     allowed_m = min(
-        parameters.visible_max_unobserved_m, parameters.visible_max_unobserved_fraction * judged_m
+        parameters.observed_max_unobserved_m,
+        parameters.observed_max_unobserved_fraction * sampled_m,
     )
-    if (
-        probability >= visible_from
-        and surface < parameters.visible_max_surface
-        and unobserved < parameters.visible_max_unobserved
-        and unobserved_m <= allowed_m
-        and occluded_space_m <= parameters.visible_max_occluded_space_m
-    ):
-        return 1
-    return -1
+    return bool(
+        unobserved_m <= allowed_m and occluded_space_m <= parameters.observed_max_occluded_space_m
+    )
+
+
+@kernel
+def _state(probability: float, mostly_observed: bool, thresholds: Thresholds) -> int:
+    """1 visible, 0 occluded, -1 unknown."""
+    if probability <= thresholds.occluded_to:
+        return 0
+    least = thresholds.visible_from if mostly_observed else thresholds.visible_unobserved_from
+    return 1 if probability >= least else -1
 
 
 @kernel
@@ -89,7 +85,7 @@ def answer_range(
     ends: Float64Array,
     paired: bool,
     model: OccupancyModel,
-    visible_from: float,
+    thresholds: Thresholds,
     max_range_m: float,
     begin: int,
     stop: int,
@@ -111,6 +107,7 @@ def answer_range(
             answers.probability[at] = np.nan
             answers.clearance[at] = np.nan
             answers.blocker[at] = np.nan
+            answers.observed[at] = np.nan
             if _can_be_judged(a, b, max_range_m):
                 first[count], second[count] = a, b
                 which[count] = at
@@ -121,27 +118,30 @@ def answer_range(
         for i in range(count):
             line, a, b = which[i], first[i], second[i]
             length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
-            surface, unobserved = sums.surface[i], sums.unobserved[i]
             end_m = sums.end_occluded_m[i]
-            optical_depth = parameters.base_optical_depth + sums.free[i] + surface + unobserved
+            optical_depth = parameters.base_optical_depth + sums.free[i] + sums.surface[i]
+            optical_depth += sums.unobserved[i]
             optical_depth += parameters.end_occluded_depth * end_m**parameters.end_occluded_power
             probability = _probability(
-                optical_depth, sums.movable[i], sums.time_gap_s[i], sums.bracketed[i] > 0, parameters
-            )
-            state = _state(
-                probability,
-                surface,
-                unobserved,
-                sums.unobserved_m[i],
-                sums.occluded_space_m[i],
-                length,
-                visible_from,
+                optical_depth,
+                sums.movable[i],
+                sums.time_gap_s[i],
+                sums.bracketed[i] > 0,
                 parameters,
             )
+            observed = _mostly_observed(
+                sums.unobserved_m[i], sums.occluded_space_m[i], length, parameters
+            )
+            state = _state(probability, observed, thresholds)
             answers.state[line] = state
             answers.probability[line] = probability
             answers.clearance[line] = sums.clearance_m[i]
-            if state == 0:
+            sampled_m = length - 2.0 * parameters.end_margin_m
+            share = sums.unobserved_m[i] / sampled_m if sampled_m > 0.0 else 0.0
+            answers.observed[line] = 1.0 - min(share, 1.0)
+            if state == 0 and sums.occluder_scan[i] < 0:
+                answers.clearance[line] = np.nan
+            elif state == 0:
                 answers.clearance[line] = -locate_occluder(
                     scans.pixels,
                     batch.descriptors[sums.occluder_scan[i]],

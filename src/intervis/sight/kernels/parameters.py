@@ -37,13 +37,9 @@ class Parameters(NamedTuple):
     appeared_unbracketed: float
     max_changed: float
     sharpness: float
-    visible_min_probability: float
-    visible_max_surface: float
-    visible_max_unobserved: float
-    visible_max_unobserved_m: float
-    visible_max_unobserved_fraction: float
-    visible_max_occluded_space_m: float
-    occluded_min_surface: float
+    observed_max_unobserved_m: float
+    observed_max_unobserved_fraction: float
+    observed_max_occluded_space_m: float
     depth_from_m: float
     height_from_m: float
     assumed_from_m: float
@@ -51,6 +47,18 @@ class Parameters(NamedTuple):
     entries_per_m: float
     log_odds_from: float
     entries_per_log_odds: float
+
+
+class Thresholds(NamedTuple):
+    """Probabilities that decide on the state of a line, for one stated risk.
+
+    Visible from `visible_from` on (mostly observed lines) or `visible_unobserved_from` on (others);
+    occluded up to `occluded_to`. A value that no probability reaches: never.
+    """
+
+    visible_from: float
+    visible_unobserved_from: float
+    occluded_to: float
 
 
 class Tables(NamedTuple):
