@@ -28,7 +28,7 @@ def answer_lines(
     thresholds: Thresholds = DEFAULT_THRESHOLDS,
     model: OccupancyModel = MODEL,
 ) -> Answers:
-    """States, probabilities, blockers, clearances and observed shares of lines between points of the scene.
+    """The answers for lines between points of the scene, field by field.
 
     Parameters
     ----------

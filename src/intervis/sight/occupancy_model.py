@@ -46,8 +46,8 @@ occupancy P(occupied) = 1 / (1 + exp(-log_odds)), the optical depth of the line 
     x = BASE_OPTICAL_DEPTH + sum over samples of ATTENUATION_PER_M occupancy step
         + END_OCCLUDED_DEPTH e ** END_OCCLUDED_POWER
 
-Here e is the length, in metres, of the occluded space that reaches an end of the line (of both ends,
-if both do): such an end may lie inside a solid body.
+Here e is the length, in metres, of the occluded space that reaches an end of the line (of both
+ends, if both do): such an end may lie inside a solid body.
 
 **Probability.** For independent samples, exp(-x) would be the probability that the line is clear.
 Errors of neighbouring samples are correlated, which the power `SHARPNESS` corrects. Until the query
@@ -72,9 +72,9 @@ The line is *mostly observed* if at most `OBSERVED_MAX_UNOBSERVED_M` and at most
     visible  (1)   P >= visible_from if mostly observed, else P >= visible_unobserved_from
     unknown (-1)   all other lines
 
-They depend on the risk that the caller states (`thresholds_for`): how often each of the two words may
-be wrong. They come from conformal risk control (Angelopoulos et al., ICLR 2024) on calibration scans;
-`intervis.lab.calibrate.risk` says how, and under which assumption they hold.
+They depend on the risk that the caller states (`thresholds_for`): how often each of the two words
+may be wrong. They come from conformal risk control (Angelopoulos et al., ICLR 2024) on calibration
+scans; `intervis.lab.calibrate.risk` says how, and under which assumption they hold.
 
 All rules treat the two ends alike: the answer for (a, b) is the answer for (b, a).
 
@@ -133,8 +133,8 @@ APPEARED: float = FITTED["appeared"]
 """Change fractions after a long time if scans before and after the query time contribute."""
 # Below 0.5, so that P(visible) still rises with Q.
 MAX_CHANGED = 0.45
-# A line that is observed but for so much is mostly observed. Unobserved space is rarely occupied, so
-# that such lines have a threshold of their own.
+# A line that is observed but for so much is mostly observed. Unobserved space is rarely occupied,
+# so that such lines have a threshold of their own.
 OBSERVED_MAX_UNOBSERVED_M, OBSERVED_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
 OBSERVED_MAX_OCCLUDED_SPACE_M = 1.0
 DEFAULT_RISK, RISK_RANGE = 0.02, (0.001, 0.2)
@@ -188,7 +188,8 @@ def _entry_centres(start: float, last: float) -> Float64Array:
 
 def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
     """The occupancy model with these fitted numbers, for engine and reference implementation."""
-    numbers = {name: globals().get(name.upper()) for name in Parameters._fields} | {
+    constants = {name: globals().get(name.upper()) for name in Parameters._fields}
+    numbers: dict[str, Any] = constants | {
         name: value for name, value in fitted.items() if name in Parameters._fields
     }
     depth_m = _entry_centres(DEPTH_FROM_M, fitted["depth_m"][-1])

@@ -26,8 +26,9 @@ class ReferenceResult(NamedTuple):
     """One line: the three parts of its optical depth, and its unobserved length.
 
     `occluded_space_m` is the part of `unobserved_m` behind observed surfaces, `end_occluded_m` the
-    part of that which reaches an end, `length_m` the length of the line. `time_gap_s` is the time between the query and the nearest scan, `scans` the
-    number of scans of the scene.
+    part of that which reaches an end, `length_m` the length of the line. `time_gap_s` is the time
+    between the query and the nearest scan, `bracketed` whether scans before and after
+    the query time contribute.
     """
 
     free: float
@@ -76,9 +77,10 @@ class LineSamples(NamedTuple):
     `step` is their spacing in metres. `depth`, `is_surface`, `known` are (C, K): depth behind the
     scan's surface, whether that is a surface return, whether the scan observed the direction.
     `weights` (C,) are the weights of the scans. `height` is the height above known ground,
-    `assumed_height` that above assumed ground, NaN where the other one applies. The masks `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface` and
-    `behind` (a surface) classify the samples; `along_end` are those along the
-    surface that an end lies on.
+    `assumed_height` that above assumed ground, NaN where the other one applies. The masks
+    `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface` and
+    `behind` (a surface) classify the samples; `along_end` are those along the surface that an end
+    lies on.
     """
 
     step: float

@@ -48,7 +48,7 @@ class Curves:
 
 
 def design_matrix(table: SampleTable, decay: float, correlation: float) -> sparse.csr_array:
-    """Matrix (K, 2 D + H + G): times the knots of all curves it gives the log-odds of the samples."""
+    """Matrix (K, 2 D + H + G): times the knots of all curves, the log-odds of the samples."""
     depth = sparse.csr_array(table.by_rank[0].shape)
     for rank, weights in enumerate(table.by_rank):
         by_count = np.array(

@@ -95,7 +95,7 @@ def fit_numbers(table: SampleTable) -> tuple[dict[str, Any], dict[str, float]]:
     # Chosen by hand: near the mean of the height curve over the heights of traffic.
     names = (*curves.KNOTS, "unknown_height_log_odds", "weight_decay", "correlation")
     numbers: dict[str, Any] = {name: model.FITTED[name] for name in names}
-    numbers |= dict(zip(probability.NAMES, probability.START, strict=True))
+    numbers.update(zip(probability.NAMES, probability.START, strict=True))
     for turn in range(ROUNDS):
         parameters = model.model_of({**model.FITTED, **numbers}).parameters
         fitted = curves.fit_curves(

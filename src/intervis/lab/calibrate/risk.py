@@ -1,17 +1,17 @@
 """Thresholds of the words "visible" and "occluded" by conformal risk control.
 
 The calibration units are whole scans (cells of the matrix, pairs of a drive), because the lines of
-one scan depend on each other. Of unit i with N_i lines, let W_i(t) be the fraction that a threshold t
-calls visible (occluded) although it is not. W_i falls with t. For a level b the threshold
+one scan depend on each other. Of unit i with N_i lines, let W_i(t) be the fraction that a threshold
+t calls visible (occluded) although it is not. W_i falls with t. For a level b the threshold
 
     t(b) = the smallest t with (sum of W_i(t) + 1) / (n + 1) <= b
 
 has an expected W of at most b on a new unit, if the n units and the new one are exchangeable
-(Angelopoulos, Bates, Fisch, Lei, Schuster: Conformal risk control, ICLR 2024). A risk r means b = r C,
-with the fraction C of all lines that are called so, taken from the units at the threshold: then, of
-the lines that are called visible (occluded), at most the fraction r is expected to be wrong. The bound
-thus holds for scans like those of the calibration, as a mean over scans and not for each one, and up
-to the sampling error of C.
+(Angelopoulos, Bates, Fisch, Lei, Schuster: Conformal risk control, ICLR 2024). A risk r means b = r
+C, with the fraction C of all lines that are called so, taken from the units at the threshold: then,
+of the lines that are called visible (occluded), at most the fraction r is expected to be wrong. The
+bound thus holds for scans like those of the calibration, as a mean over scans and not for each one,
+and up to the sampling error of C.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ CANDIDATES = np.unique(
 
 
 class Unit(NamedTuple):
-    """The lines of one scan: sureness of a word (N,), whether it may be said, whether it is right."""
+    """The N lines of one scan: how sure a word is, whether it may be said, whether it is right."""
 
     sureness: Float64Array
     eligible: BoolArray

@@ -27,7 +27,7 @@ MOUNTS_OF = {"terrestrial": ("tripod",), "ring": ("upright", "upside-down", "til
 """Mounts that make sense for a scanner; all but the tripod for the others."""
 KINDS = ("returns", "beam points", "anywhere", "space")
 SPACE_RANGE_M, SPACE_RISE = (1.5, 40.0), 0.35
-"""Ranges of points in space, and the vertical part of their directions beside the horizontal ones."""
+"""Ranges of points in space, and the vertical part of their directions (horizontal ones: 1)."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def _points_in_space(viewpoints: Float64Array, rng: np.random.Generator) -> Floa
     """
     toward = rng.normal(size=viewpoints.shape) * np.array([1.0, 1.0, SPACE_RISE])
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-    return viewpoints + rng.uniform(*SPACE_RANGE_M, (len(viewpoints), 1)) * toward
+    return np.asarray(viewpoints + rng.uniform(*SPACE_RANGE_M, (len(viewpoints), 1)) * toward)
 
 
 def _free_points(

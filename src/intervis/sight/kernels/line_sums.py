@@ -30,15 +30,14 @@ from intervis.sight.kernels.parameters import Parameters
 class LineSums(NamedTuple):
     """What the samples of L lines add up to; see `intervis.sight.occupancy_model`.
 
-    Optical depth in three parts: `surface`, `free`, `unobserved`; `movable` is the part of `surface`
-    at heights of traffic and people. `unobserved_m` is the length
-    that no scan observed, `occluded_space_m` the part of it behind observed surfaces, and
-    `end_occluded_m` the part of that which reaches an end of the line. `time_gap_s` is the time
-    between the query and the nearest scan, 0 without a query time; `bracketed` is 1 where scans before and
-    after it contribute, else 0. `clearance_m` is the smallest gap to a
-    surface or the ground (inf: none). `occluder_m` is the distance from the line's first end to the
-    sample at a surface with the highest occupancy, `occluder_scan` the scan that observed it (-1:
-    none).
+    Optical depth in three parts: `surface`, `free`, `unobserved`; `movable` is the part of
+    `surface` at heights of traffic and people. `unobserved_m` is the length that no scan observed,
+    `occluded_space_m` the part of it behind observed surfaces, and `end_occluded_m` the part of
+    that which reaches an end of the line. `time_gap_s` is the time between the query and the
+    nearest scan, 0 without a query time; `bracketed` is 1 where scans before and after it
+    contribute, else 0. `clearance_m` is the smallest gap to a surface or the ground (inf: none).
+    `occluder_m` is the distance from the line's first end to the sample at a surface with the
+    highest occupancy, `occluder_scan` the scan that observed it (-1: none).
     """
 
     free: Float64Array

@@ -18,9 +18,9 @@ CELLS_IN_FRONT = 6
 """A cell is compared with so many cells between it and the sensor."""
 OUTLIER_M = 0.35
 ASSUMED_OFFSET_M = 1000.0
-"""Where the ground was not observed, a map holds the height of the nearest cell that has some, minus
-this. Heights above such ground come out greater by it, so that no rule on heights applies to them;
-only the prior reads them (`occupancy_model`)."""
+"""Where the ground was not observed, a map holds the height of the nearest cell that has some,
+minus this. Heights above such ground come out greater by it, so that no rule on heights applies to
+them; only the prior reads them (`occupancy_model`)."""
 
 
 @kernel
