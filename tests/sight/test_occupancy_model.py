@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from intervis.sight import occupancy_model as model
-from intervis.sight.kernels.classify import _state
-from intervis.sight.kernels.parameters import Parameters
+from intervis.sight.kernels.classify import _mostly_observed, _state
+from intervis.sight.kernels.parameters import Parameters, Thresholds
 
 TABLES, PARAMETERS = model.MODEL.tables, model.MODEL.parameters
 
@@ -43,13 +43,21 @@ def test_depth_tables_follow_their_curves_without_bias(rng, name):
     assert flat[-1] == 0.0, "an unobserved direction contributes nothing"
 
 
-def test_the_height_table_follows_its_curve(rng):
-    height_m = rng.uniform(-0.45, 6.0, 100_000)
-    curve = np.interp(height_m, model.FITTED["height_m"], model.FITTED["height_log_odds"])
-    error = looked_up(TABLES.height_log_odds, height_m, -0.5, 20.0) - curve
-    assert np.abs(error).max() < 0.1
+@pytest.mark.parametrize("name", ["height", "assumed_height"])
+def test_the_height_tables_follow_their_curves(rng, name):
+    """Over known ground, and after it over assumed ground; both begin 8 m below it."""
+    known = int(PARAMETERS.known_height_entries)
+    parts = {
+        "height": TABLES.height_log_odds[:known],
+        "assumed_height": TABLES.height_log_odds[known:],
+    }
+    knots, values = model.FITTED[f"{name}_m"], model.FITTED[f"{name}_log_odds"]
+    height_m = rng.uniform(-7.9, knots[-1], 100_000)
+    error = looked_up(parts[name], height_m, -8.0, 20.0) - np.interp(height_m, knots, values)
+    steepest = np.abs(np.diff(values) / np.diff(knots))
+    assert np.abs(error).max() <= steepest.max() / 40 + 1e-9
     assert abs(error.mean()) < 2e-3
-    # the first entry: of NaN, the height above unknown ground
+    # the first entry: of NaN, the height where no ground is known at all
     assert TABLES.height_log_odds[0] == model.FITTED["unknown_height_log_odds"]
 
 
@@ -64,11 +72,16 @@ def test_scan_weights_decay_and_sum_to_a_power():
 def test_every_fitted_number_reaches_the_engine():
     """A changed number of the file changes the model that kernels receive."""
     scalars = [name for name in model.FITTED if name in Parameters._fields]
-    assert len(scalars) == 10
+    assert len(scalars) == 10  # attenuation, base, sharpness, 5 of change, 2 of occluded ends
     for name in scalars:
         changed = model.model_of({**model.FITTED, name: 0.123})
         assert getattr(changed.parameters, name) == 0.123
-    for name in ("surface_log_odds", "volumetric_log_odds", "height_log_odds"):
+    for name in (
+        "surface_log_odds",
+        "volumetric_log_odds",
+        "height_log_odds",
+        "assumed_height_log_odds",
+    ):
         moved = [value + 1.0 for value in model.FITTED[name]]
         changed = model.model_of({**model.FITTED, name: moved})
         assert not all(
@@ -80,52 +93,37 @@ def test_every_fitted_number_reaches_the_engine():
 def test_the_file_says_where_its_numbers_come_from():
     path = Path(model.__file__).with_name(model.FITTED_FILE)
     provenance = tomllib.loads(path.read_text())["provenance"]
-    assert {"command", "curves", "probability", "weights", "thresholds"} <= set(provenance)
+    assert {"command", "curves", "thresholds", "drives"} <= set(provenance)
 
 
 def test_states_follow_their_definition_near_every_threshold(rng):
     """Random lines around each limit, and exactly on it, against the text of the definition."""
-    p = PARAMETERS
-    limits = {
-        "probability": p.visible_min_probability,
-        "surface": p.visible_max_surface,
-        "unobserved": p.visible_max_unobserved,
-        "occluded_space_m": p.visible_max_occluded_space_m,
-    }
+    limits = Thresholds(0.9, 0.96, 0.03)
     seen = set()
     for _ in range(4000):
-        v = {
-            name: limit * rng.choice([0.9, 1.0, 1.1], p=[0.5, 0.2, 0.3])
-            for name, limit in limits.items()
-        }
-        v["probability"] = p.visible_min_probability * rng.choice([0.99, 1.0, 1.01])
-        if rng.random() < 0.2:
-            v["surface"] = p.occluded_min_surface * rng.choice([0.99, 1.0, 1.01])
         length_m = rng.uniform(0.5, 12.0)
         allowed_m = min(3.0, 0.5 * max(length_m - 2 * 0.4, 0.0))
         unobserved_m = allowed_m * rng.choice([0.95, 1.0, 1.05])
-        visible = (
-            v["probability"] >= 0.85
-            and v["surface"] < 0.3
-            and v["unobserved"] < 0.25
-            and unobserved_m <= allowed_m
-            and v["occluded_space_m"] <= 1.0
-        )
-        expected = 0 if v["surface"] > 0.95 else 1 if visible else -1
-        found = _state(
-            v["probability"],
-            v["surface"],
-            v["unobserved"],
-            unobserved_m,
-            v["occluded_space_m"],
-            length_m,
-            p.visible_min_probability,
-            p,
-        )
-        assert found == expected
-        possible = model.may_be_visible(
-            v["surface"], v["unobserved"], unobserved_m, v["occluded_space_m"], length_m
-        )
-        assert (possible and v["probability"] >= 0.85) == visible
-        seen.add(expected)
-    assert seen == {-1, 0, 1}
+        occluded_m = rng.choice([0.9, 1.0, 1.1])
+        p = rng.choice([0.03, 0.9, 0.96]) * rng.choice([0.99, 1.0, 1.01])
+        mostly = unobserved_m <= allowed_m and occluded_m <= 1.0
+        expected = -1
+        if p <= 0.03:
+            expected = 0
+        elif p >= 0.96 or (mostly and p >= 0.9):
+            expected = 1
+        found = _mostly_observed(unobserved_m, occluded_m, length_m, PARAMETERS)
+        assert found == mostly
+        assert bool(model.mostly_observed(unobserved_m, occluded_m, length_m)) == mostly
+        assert _state(p, found, limits) == expected
+        seen.add((expected, mostly))
+    assert seen == {(state, mostly) for state in (-1, 0, 1) for mostly in (True, False)}
+
+
+def test_thresholds_are_those_of_the_next_lower_risk():
+    fitted = {"risks": [0.001, 0.01, 0.1]}
+    fitted |= {"visible_from": [0.99, 0.9, 0.8], "visible_unobserved_from": [2.0, 0.95, 0.9]}
+    fitted |= {"occluded_to": [-1.0, 0.05, 0.1]}
+    for risk, row in ((0.001, 0), (0.00999, 0), (0.01, 1), (0.05, 1), (0.1, 2), (0.2, 2)):
+        expected = Thresholds(*(fitted[name][row] for name in Thresholds._fields))
+        assert model.thresholds_for(risk, fitted) == expected

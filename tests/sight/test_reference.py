@@ -51,7 +51,9 @@ def compare(scene: Scene, a, b, moment_s=None) -> None:
     scans = scene.packed_scans(moment_s)
     sums = sum_lines(scans, a, b)
     results = [reference_result(scans, p, q) for p, q in zip(a, b, strict=True)]
-    for name in ("free", "unobserved", "surface", "unobserved_m", "occluded_space_m", "time_gap_s"):
+    depths = ("free", "unobserved", "surface", "movable")
+    lengths = ("unobserved_m", "occluded_space_m", "end_occluded_m")
+    for name in (*depths, *lengths, "time_gap_s", "bracketed"):
         expected = np.array([getattr(result, name) for result in results])
         np.testing.assert_allclose(getattr(sums, name), expected, rtol=1e-9, atol=1e-9)
 
@@ -78,6 +80,8 @@ def test_states_are_the_references(scene, rng):
         states = [result.state for result in results]
         assert sight.state.tolist() == states
         assert set(states) == {-1, 0, 1}, "the lines must exercise all three answers"
+        observed = [result.observed for result in results]
+        np.testing.assert_allclose(sight.observed, observed, rtol=0, atol=1e-9)
         probability = [result.probability for result in results]
         np.testing.assert_allclose(sight.probability, probability, rtol=0, atol=1e-12)
 
@@ -98,8 +102,7 @@ def expected_occluder(scans, a, b):
     attenuation = np.where(line.at_surface, attenuation_per_m(line), 0.0)
     if not len(attenuation) or attenuation.max() == 0.0:
         return None
-    worst = np.flatnonzero(attenuation == attenuation.max())
-    m = int(worst[np.argmax(np.nan_to_num(line.height[worst], nan=-np.inf))])
+    m = int(np.argmax(attenuation))  # the first one from the lexicographically smaller end
     depth = line.depth[:, m]
     with np.errstate(invalid="ignore"):
         near = np.where(line.known[:, m] & (depth >= model.SURFACE_FROM_M), np.abs(depth), np.inf)

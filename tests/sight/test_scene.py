@@ -9,6 +9,7 @@ from made_scans import street_scan, turned
 from intervis import Frame, analyze
 from intervis.errors import PointsError, PoseError, SceneError, SettingsError
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sensor, Sight
+from intervis.sight.occupancy_model import thresholds_for
 
 coordinate = st.floats(-60.0, 60.0, allow_nan=False)
 point = st.tuples(coordinate, coordinate, st.floats(-3.0, 8.0, allow_nan=False))
@@ -26,7 +27,7 @@ def scene() -> Scene:
 def same(one, other) -> bool:
     return all(
         np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
-        for name in ("state", "probability", "blocker", "clearance")
+        for name in ("state", "probability", "blocker", "clearance", "observed")
     )
 
 
@@ -100,16 +101,17 @@ def test_a_range_ends_where_it_says(scene):
         assert same(near, sight[:within])
 
 
-def test_a_line_is_visible_from_its_probability_on(scene):
-    target = [[3.0, 0, 0]]
-    usual = scene.sight([0.0, 0, 0], target)
-    assert usual.visible[0]
-    probability = float(usual.probability[0])
-    assert scene.sight([0.0, 0, 0], target, visible_from=probability).visible[0]
-    above = np.nextafter(probability, 1.0)
-    assert scene.sight([0.0, 0, 0], target, visible_from=above).unknown[0]
-    assert scene.sight([0.0, 0, 0], target, visible_from=0.0).visible[0]
-    assert scene.sight([0.0, 0, 0], target, visible_from=1.0).unknown[0]
+@pytest.mark.parametrize("risk", [0.001, 0.0199, 0.02, 0.2])
+def test_states_follow_the_thresholds_of_the_risk(scene, rng, risk):
+    targets = rng.normal(0, 15, (2000, 3)) * [1, 1, 0.1]
+    sight = scene.sight([1.0, 0, 0], targets, risk=risk)
+    limits = thresholds_for(risk)
+    p = sight.probability
+    assert np.array_equal(sight.occluded, p <= limits.occluded_to)
+    assert (p[sight.visible] >= min(limits.visible_from, limits.visible_unobserved_from)).all()
+    unobserved_m = (1.0 - sight.observed) * (np.linalg.norm(targets - [1, 0, 0], axis=1) - 0.8)
+    assert not (sight.visible & (p < limits.visible_unobserved_from) & (unobserved_m > 3.01)).any()
+    assert (sight.visible | (p < limits.visible_unobserved_from) | sight.occluded).all()
 
 
 def test_the_unobserved_length_of_a_line_is_measured_outside_its_margins(scene):
@@ -318,10 +320,12 @@ def test_a_range_is_a_positive_length(scene, value):
         scene.sight_within([[0.0, 0, 0]], [[1.0, 0, 0]], value)
 
 
-@pytest.mark.parametrize("value", [-0.1, 1.1, "x", *NO_NUMBERS])
-def test_the_smallest_probability_is_a_probability(scene, value):
-    with pytest.raises(SettingsError, match="visible_from"):
-        scene.sight([0.0, 0, 0], [[1.0, 0, 0]], visible_from=value)
+@pytest.mark.parametrize("value", [-0.1, 0.0, 0.0009, 0.21, "x", *NO_NUMBERS])
+def test_the_risk_is_between_its_limits(scene, value):
+    with pytest.raises(SettingsError, match="risk"):
+        scene.sight([0.0, 0, 0], [[1.0, 0, 0]], risk=value)
+    with pytest.raises(SettingsError, match="risk"):
+        scene.sight_lines([[0.0, 0, 0]], [[1.0, 0, 0]], risk=value)
 
 
 @pytest.mark.parametrize("value", [value for value in NO_NUMBERS if value is not None])
@@ -398,10 +402,11 @@ def test_a_viewpoint_inside_a_house_sees_nothing(scene):
 
 def test_more_caution_calls_fewer_lines_visible(scene, rng):
     targets = rng.normal(0, 15, (2000, 3)) * [1, 1, 0.1]
+    lenient = scene.sight([1.0, 0, 0], targets, risk=0.2)
     usual = scene.sight([1.0, 0, 0], targets)
-    careful = scene.sight([1.0, 0, 0], targets, visible_from=0.95)
-    assert (careful.state == VISIBLE).sum() < (usual.state == VISIBLE).sum()
-    assert (careful.probability[careful.state == VISIBLE] >= 0.95).all()
-    assert np.array_equal(careful.state == OCCLUDED, usual.state == OCCLUDED)
-    with pytest.raises(SettingsError):
-        scene.sight([1.0, 0, 0], targets, visible_from=1.5)
+    careful = scene.sight([1.0, 0, 0], targets, risk=0.001)
+    for one, other in ((lenient, usual), (usual, careful)):
+        assert other.unknown.sum() >= one.unknown.sum()
+        assert np.array_equal(other.state, np.where(other.unknown, UNKNOWN, one.state))
+        assert same(one.probability, other.probability)
+    assert careful.unknown.sum() > lenient.unknown.sum()

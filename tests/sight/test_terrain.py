@@ -22,7 +22,8 @@ def empty_map():
 def lowest_of(*points):
     """Lowest returns of each cell."""
     least = np.empty((CELLS, CELLS), np.float32)
-    in_python(terrain.lowest_returns)(np.array(points, float), least)
+    level = np.array(points, float).T.copy()
+    in_python(terrain.lowest_returns)(level, np.arange(len(points)), least)
     return least
 
 

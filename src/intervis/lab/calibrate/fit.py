@@ -73,7 +73,7 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
     engine = model.model_of({**model.FITTED, **numbers})
     numbers |= fit_thresholds(_queries(plan, data, "thresholds", report), engine)
     report("thresholds")
-    provenance = {
+    provenance: dict[str, Any] = {
         "command": "intervis calibrate",
         "versions": versions(),
         **{stage: _used(plan, stage) for stage in STAGES},
