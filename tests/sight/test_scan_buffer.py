@@ -215,3 +215,27 @@ def test_poses_move_the_scene(rng):
     assert (apart < 2e-3).mean() > 0.99
     assert apart.max() < 0.05
     assert (there.state == here.state).mean() > 0.99
+
+
+def test_scans_without_returns_change_no_answer(rng):
+    """A blank scan and one whose returns are all too near take no weight from the others."""
+    targets = rng.normal(0, 12, (500, 3)) * [1, 1, 0.1]
+    scene, with_blanks = Scene(sensor="HDL-64E"), Scene(sensor="HDL-64E")
+    with_blanks.add(np.empty((0, 3)), turned(0.0, 0.1, 0.0), 0.05)
+    for number in range(3):
+        pose = turned(0.0, 0.5 * number, 0.0)
+        scene.add(street_scan(pose, seed=number, **COARSE), pose, 0.1 * number)
+        with_blanks.add(street_scan(pose, seed=number, **COARSE), pose, 0.1 * number)
+        with_blanks.add(rng.normal(0, 1e-3, (200, 3)), pose, 0.1 * number + 0.04)
+    assert len(with_blanks) > len(scene)
+    for moment_s in (None, 0.12):
+        one = scene.sight(BEFORE, targets, moment_s=moment_s)
+        other = with_blanks.sight(BEFORE, targets, moment_s=moment_s)
+        assert np.array_equal(one.probability, other.probability)
+        assert np.array_equal(one.state, other.state)
+
+
+def test_a_scene_of_blank_scans_knows_nothing():
+    scene = Scene()
+    scene.add(np.empty((0, 3)))
+    assert scene.sight(BEFORE, BEHIND[None]).observed[0] == 0.0

@@ -123,15 +123,21 @@ class ScanBuffer:
                 self._entries[slot] = replace(entry, slot=slot, image=moved)
             self._pool = pool
 
+    @property
+    def _contributing(self) -> list[_Entry]:
+        """The scans with returns. One without any would only take a weight from the others."""
+        return [entry for entry in self._entries if entry.image.returns] or self._entries
+
     def packed(self) -> PackedScans:
         """The scans as kernels read them, without a query time."""
         if self._packed is None:
-            images = [entry.image for entry in self._entries]
-            poses = self.poses
+            entries = self._contributing
+            images = [entry.image for entry in entries]
+            poses = np.array([entry.pose for entry in entries])
             self._packed = PackedScans(
                 pixels=self._pool.reshape(-1),
                 unit_m=np.array([image.unit_m for image in images]),
-                offset=np.array([entry.slot for entry in self._entries]) * self._pool.shape[1],
+                offset=np.array([entry.slot for entry in entries]) * self._pool.shape[1],
                 columns=np.array([image.pixels.shape[0] for image in images]),
                 rows=np.array([image.pixels.shape[1] for image in images]),
                 elevation_from=np.array([image.elevation_from for image in images]),
@@ -146,6 +152,6 @@ class ScanBuffer:
 
     def packed_at(self, moment_s: float) -> PackedScans:
         """The scans as kernels read them, for a query time."""
-        offset_s = self.timestamps_s - moment_s
+        offset_s = np.array([entry.timestamp_s for entry in self._contributing]) - moment_s
         cost_m = AGE_COST_M_PER_S * np.abs(offset_s)
         return self.packed()._replace(age_cost_m=cost_m, time_offset_s=offset_s)
