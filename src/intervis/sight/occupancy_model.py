@@ -137,7 +137,7 @@ MAX_CHANGED = 0.45
 # so that such lines have a threshold of their own.
 OBSERVED_MAX_UNOBSERVED_M, OBSERVED_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
 OBSERVED_MAX_OCCLUDED_SPACE_M = 1.0
-DEFAULT_RISK, RISK_RANGE = 0.02, (0.001, 0.2)
+DEFAULT_RISK, RISK_RANGE = 0.05, (0.001, 0.2)
 """How often "visible" and "occluded" may each be wrong, unless the caller says so."""
 # Depths that count as the surface itself.
 SURFACE_FROM_M, SURFACE_TO_M = -0.2, 1.3

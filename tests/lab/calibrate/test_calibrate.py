@@ -171,16 +171,14 @@ def test_sharpness_change_and_ends_are_found_again(rng):
 def test_thresholds_of_risk_follow_their_bound_by_hand():
     """Three scans of four lines; the bound is (sum of wrong fractions + 1) / 4."""
     sureness = np.array([0.6, 0.7, 0.8, 0.9])
-    every = np.ones(4, bool)
-    units = [risk.Unit(sureness, every, np.array(right)) for right in ([0, 1, 1, 1],) * 3]
-    units = [unit._replace(right=unit.right.astype(bool)) for unit in units]
+    units = [risk.Unit(sureness, np.array([False, True, True, True]))] * 3
     # From 0.6 on: wrong 3/4, bound 7/16, all called. From 0.7 on: bound 1/4, 3/4 called.
     (low, middle, high) = risk.thresholds(units, (0.3, 0.34, 0.44))
     assert low == risk.NEVER
     assert 0.6 < middle <= 0.7
     assert high <= 0.6
-    none = [unit._replace(eligible=~every) for unit in units]
-    assert risk.thresholds(none, (0.2,)) == [risk.NEVER]
+    none = risk.Unit(np.empty(0), np.empty(0, bool))
+    assert risk.thresholds([none] * 3, (0.2,)) == [risk.NEVER]
 
 
 def test_thresholds_keep_their_risk_on_new_scans(rng):
@@ -191,7 +189,7 @@ def test_thresholds_keep_their_risk_on_new_scans(rng):
         for hard in rng.uniform(0.0, 0.3, count):
             sureness = rng.uniform(0.5, 1.0, 100)
             right = rng.random(100) < np.minimum(sureness + 0.3 - hard, 1.0)
-            units.append(risk.Unit(sureness, np.ones(100, bool), right))
+            units.append(risk.Unit(sureness, right))
         return units
 
     (limit,) = risk.thresholds(scans(400), (0.05,))

@@ -116,10 +116,10 @@ def fit_thresholds(queries: Iterator[QueryLines], engine: OccupancyModel) -> dic
     for _, group in groupby(queries, key=lambda lines: lines.unit):
         parts = [_answered(lines, engine) for lines in group]
         p, mostly, visible = (np.concatenate(part) for part in zip(*parts, strict=True))
-        every = np.ones(len(p), np.bool_)
-        observed.append(risk.Unit(p, mostly, visible))
-        unobserved.append(risk.Unit(p, ~mostly, visible))
-        occluded.append(risk.Unit(1.0 - p, every, ~visible))
+        leans = p >= 0.5
+        observed.append(risk.Unit(p[leans & mostly], visible[leans & mostly]))
+        unobserved.append(risk.Unit(p[leans & ~mostly], visible[leans & ~mostly]))
+        occluded.append(risk.Unit(1.0 - p[~leans], ~visible[~leans]))
     return {
         "risks": list(risk.RISKS),
         "visible_from": risk.thresholds(observed),

@@ -1,15 +1,16 @@
 """Thresholds of the words "visible" and "occluded" by conformal risk control.
 
 The calibration units are whole scans (cells of the matrix, pairs of a drive), because the lines of
-one scan depend on each other. Of unit i with N_i lines, let W_i(t) be the fraction that a threshold
-t calls visible (occluded) although it is not. W_i falls with t. For a level b the threshold
+one scan depend on each other. Of the lines of unit i that lean to the word (P on its side of 0.5), let
+W_i(t) be the fraction that a threshold t calls visible (occluded) although it is not. W_i falls with
+t. For a level b the threshold
 
     t(b) = the smallest t with (sum of W_i(t) + 1) / (n + 1) <= b
 
 has an expected W of at most b on a new unit, if the n units and the new one are exchangeable
 (Angelopoulos, Bates, Fisch, Lei, Schuster: Conformal risk control, ICLR 2024). A risk r means b = r
-C, with the fraction C of all lines that are called so, taken from the units at the threshold: then,
-of the lines that are called visible (occluded), at most the fraction r is expected to be wrong. The
+C, with the fraction C of these lines that are called so, taken from the units at the threshold:
+then, of the lines that are called visible (occluded), at most the fraction r is expected to be wrong. The
 bound thus holds for scans like those of the calibration, as a mean over scans and not for each one,
 and up to the sampling error of C.
 """
@@ -30,10 +31,9 @@ CANDIDATES = np.unique(
 
 
 class Unit(NamedTuple):
-    """The N lines of one scan: how sure a word is, whether it may be said, whether it is right."""
+    """The N lines of one scan that lean to a word: how sure it is (N,), and whether it is right."""
 
     sureness: Float64Array
-    eligible: BoolArray
     right: BoolArray
 
 
@@ -45,17 +45,16 @@ def thresholds(units: Sequence[Unit], risks: Sequence[float] = RISKS) -> list[fl
     A hundred scans whose answers are right from a sureness of 0.7 on:
 
     >>> sureness = np.linspace(0.5, 1.0, 501)
-    >>> unit = Unit(sureness, np.ones(501, bool), sureness > 0.7)
+    >>> unit = Unit(sureness, sureness > 0.7)
     >>> low, high = thresholds([unit] * 100, (0.001, 0.05))
     >>> low, round(high, 2)
     (2.0, 0.69)
     """
     wrong, called = np.zeros((2, len(units), len(CANDIDATES)))
     for i, unit in enumerate(units):
-        said = unit.sureness[unit.eligible]
-        not_right = unit.sureness[unit.eligible & ~unit.right]
-        called[i] = _at_least(said, CANDIDATES) / len(unit.sureness)
-        wrong[i] = _at_least(not_right, CANDIDATES) / len(unit.sureness)
+        count = max(len(unit.sureness), 1)
+        called[i] = _at_least(unit.sureness, CANDIDATES) / count
+        wrong[i] = _at_least(unit.sureness[~unit.right], CANDIDATES) / count
     bound = (wrong.sum(axis=0) + 1.0) / (len(units) + 1)
     coverage = called.mean(axis=0)
     found = [np.flatnonzero(bound <= risk * coverage) for risk in risks]
