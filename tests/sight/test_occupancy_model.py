@@ -65,7 +65,7 @@ def test_scan_weights_decay_and_sum_to_a_power():
     for count in range(1, 7):
         weights = TABLES.scan_weights[count - 1]
         assert (weights[count:] == 0).all()
-        assert weights[1:count] == pytest.approx(0.6 * weights[: count - 1])
+        assert weights[1:count] == pytest.approx(0.5 * weights[: count - 1])
         assert weights.sum() == pytest.approx(sum(0.6**k for k in range(count)) ** 0.7)
 
 
@@ -107,15 +107,15 @@ def test_states_follow_their_definition_near_every_threshold(rng):
         occluded_m = rng.choice([0.9, 1.0, 1.1])
         p = rng.choice([0.03, 0.9, 0.96]) * rng.choice([0.99, 1.0, 1.01])
         mostly = unobserved_m <= allowed_m and occluded_m <= 1.0
-        expected = -1
-        if p <= 0.03:
+        surface, expected = bool(rng.random() < 0.8), -1
+        if p <= 0.03 and surface:
             expected = 0
         elif p >= 0.96 or (mostly and p >= 0.9):
             expected = 1
         found = _mostly_observed(unobserved_m, occluded_m, length_m, PARAMETERS)
         assert found == mostly
         assert bool(model.mostly_observed(unobserved_m, occluded_m, length_m)) == mostly
-        assert _state(p, found, limits) == expected
+        assert _state(p, found, surface, limits) == expected
         seen.add((expected, mostly))
     assert seen == {(state, mostly) for state in (-1, 0, 1) for mostly in (True, False)}
 

@@ -68,7 +68,7 @@ The line is *mostly observed* if at most `OBSERVED_MAX_UNOBSERVED_M` and at most
 `OBSERVED_MAX_UNOBSERVED_FRACTION` of its length is unobserved, and at most
 `OBSERVED_MAX_OCCLUDED_SPACE_M` of that lies behind a surface. Thresholds of P decide on the state:
 
-    occluded (0)   P <= occluded_to
+    occluded (0)   P <= occluded_to, and surface >= OCCLUDED_MIN_SURFACE
     visible  (1)   P >= visible_from if mostly observed, else P >= visible_unobserved_from
     unknown (-1)   all other lines
 
@@ -137,6 +137,8 @@ MAX_CHANGED = 0.45
 # so that such lines have a threshold of their own.
 OBSERVED_MAX_UNOBSERVED_M, OBSERVED_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
 OBSERVED_MAX_OCCLUDED_SPACE_M = 1.0
+# Without an observed surface on it a line may be improbable, but nothing is known to occlude it.
+OCCLUDED_MIN_SURFACE = 0.5
 DEFAULT_RISK, RISK_RANGE = 0.05, (0.001, 0.2)
 """How often "visible" and "occluded" may each be wrong, unless the caller says so."""
 # Depths that count as the surface itself.

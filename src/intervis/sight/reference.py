@@ -58,7 +58,8 @@ class ReferenceResult(NamedTuple):
     def state(self) -> int:
         """1 visible, 0 occluded, -1 unknown."""
         thresholds = model.DEFAULT_THRESHOLDS
-        if self.probability <= thresholds.occluded_to:
+        meets_surface = self.surface >= model.OCCLUDED_MIN_SURFACE
+        if meets_surface and self.probability <= thresholds.occluded_to:
             return 0
         observed = model.mostly_observed(self.unobserved_m, self.occluded_space_m, self.length_m)
         least = thresholds.visible_from if observed else thresholds.visible_unobserved_from

@@ -51,13 +51,12 @@ class Sight:
         not finite or the line is longer than `max_range_m`.
     blocker : (..., 3) float64 array
         Where an occluded line meets the surface that most likely occludes it, scene frame, metres;
-        NaN for other states, and where no observed surface does. It does not depend on which end is
-        the viewpoint.
+        NaN for other states. It does not depend on which end is the viewpoint.
     clearance : float64 array
         Metres. Of a line that is not occluded: the smallest distance between its samples in free
         space and the surface behind them, along the beam of a scan, or their height above ground
         if that is smaller; inf if nothing was observed beside the line. Of an occluded line: minus
-        the shift, up, down or sideways, that would clear the occluding surface, NaN if none does.
+        the shift, up, down or sideways, that would clear the occluding surface.
     observed : float64 array
         Share of the line's length that some beam crossed or ended in, 0 to 1; 0.4 m at either end
         do not count. NaN where `probability` is.

@@ -115,11 +115,12 @@ def fit_thresholds(queries: Iterator[QueryLines], engine: OccupancyModel) -> dic
     observed, unobserved, occluded = [], [], []
     for _, group in groupby(queries, key=lambda lines: lines.unit):
         parts = [_answered(lines, engine) for lines in group]
-        p, mostly, visible = (np.concatenate(part) for part in zip(*parts, strict=True))
+        p, mostly, meets, visible = (np.concatenate(part) for part in zip(*parts, strict=True))
         leans = p >= 0.5
         observed.append(risk.Unit(p[leans & mostly], visible[leans & mostly]))
         unobserved.append(risk.Unit(p[leans & ~mostly], visible[leans & ~mostly]))
-        occluded.append(risk.Unit(1.0 - p[~leans], ~visible[~leans]))
+        rows = ~leans & meets
+        occluded.append(risk.Unit(1.0 - p[rows], ~visible[rows]))
     return {
         "risks": list(risk.RISKS),
         "visible_from": risk.thresholds(observed),
@@ -128,13 +129,14 @@ def fit_thresholds(queries: Iterator[QueryLines], engine: OccupancyModel) -> dic
     }
 
 
-def _answered(lines: QueryLines, engine: OccupancyModel) -> tuple[Any, Any, Any]:
-    """P(visible) of lines, which of them are mostly observed, and which are visible."""
+def _answered(lines: QueryLines, engine: OccupancyModel) -> tuple[Any, Any, Any, Any]:
+    """P(visible) of lines; masks: mostly observed, on a surface, visible."""
     answers = answer_lines(lines.scans, lines.starts, lines.ends, paired=True, model=engine)
     sums = sum_lines(lines.scans, lines.starts, lines.ends, engine)
     length_m = np.linalg.norm(lines.ends - lines.starts, axis=1)
     mostly = model.mostly_observed(sums.unobserved_m, sums.occluded_space_m, length_m)
-    return answers.probability, mostly, lines.visible
+    meets = sums.surface >= model.OCCLUDED_MIN_SURFACE
+    return answers.probability, mostly, meets, lines.visible
 
 
 def model_steps(plan: Plan) -> int:

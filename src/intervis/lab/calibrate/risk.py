@@ -1,18 +1,18 @@
 """Thresholds of the words "visible" and "occluded" by conformal risk control.
 
 The calibration units are whole scans (cells of the matrix, pairs of a drive), because the lines of
-one scan depend on each other. Of the lines of unit i that lean to the word (P on its side of 0.5), let
-W_i(t) be the fraction that a threshold t calls visible (occluded) although it is not. W_i falls with
-t. For a level b the threshold
+one scan depend on each other. Of the lines of unit i that lean to the word (P on its side of 0.5),
+let W_i(t) be the fraction that a threshold t calls visible (occluded) although it is not. W_i falls
+with t. For a level b the threshold
 
     t(b) = the smallest t with (sum of W_i(t) + 1) / (n + 1) <= b
 
 has an expected W of at most b on a new unit, if the n units and the new one are exchangeable
 (Angelopoulos, Bates, Fisch, Lei, Schuster: Conformal risk control, ICLR 2024). A risk r means b = r
 C, with the fraction C of these lines that are called so, taken from the units at the threshold:
-then, of the lines that are called visible (occluded), at most the fraction r is expected to be wrong. The
-bound thus holds for scans like those of the calibration, as a mean over scans and not for each one,
-and up to the sampling error of C.
+then, of the lines that are called visible (occluded), at most the fraction r is expected to be
+wrong. The bound thus holds for scans like those of the calibration, as a mean over scans and not
+for each one, and up to the sampling error of C.
 """
 
 from collections.abc import Sequence

@@ -70,9 +70,11 @@ def _mostly_observed(
 
 
 @kernel
-def _state(probability: float, mostly_observed: bool, thresholds: Thresholds) -> int:
+def _state(
+    probability: float, mostly_observed: bool, meets_surface: bool, thresholds: Thresholds
+) -> int:
     """1 visible, 0 occluded, -1 unknown."""
-    if probability <= thresholds.occluded_to:
+    if meets_surface and probability <= thresholds.occluded_to:
         return 0
     least = thresholds.visible_from if mostly_observed else thresholds.visible_unobserved_from
     return 1 if probability >= least else -1
@@ -132,16 +134,15 @@ def answer_range(
             observed = _mostly_observed(
                 sums.unobserved_m[i], sums.occluded_space_m[i], length, parameters
             )
-            state = _state(probability, observed, thresholds)
+            meets_surface = sums.surface[i] >= parameters.occluded_min_surface
+            state = _state(probability, observed, meets_surface, thresholds)
             answers.state[line] = state
             answers.probability[line] = probability
             answers.clearance[line] = sums.clearance_m[i]
             sampled_m = length - 2.0 * parameters.end_margin_m
             share = sums.unobserved_m[i] / sampled_m if sampled_m > 0.0 else 0.0
             answers.observed[line] = 1.0 - min(share, 1.0)
-            if state == 0 and sums.occluder_scan[i] < 0:
-                answers.clearance[line] = np.nan
-            elif state == 0:
+            if state == 0:
                 answers.clearance[line] = -locate_occluder(
                     scans.pixels,
                     batch.descriptors[sums.occluder_scan[i]],

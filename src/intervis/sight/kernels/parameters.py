@@ -40,6 +40,7 @@ class Parameters(NamedTuple):
     observed_max_unobserved_m: float
     observed_max_unobserved_fraction: float
     observed_max_occluded_space_m: float
+    occluded_min_surface: float
     depth_from_m: float
     height_from_m: float
     assumed_from_m: float
