@@ -16,6 +16,7 @@ def answer(state, probability, clearance_m, blocker=(np.nan,) * 3):
         np.array([probability]),
         np.array([blocker], float),
         np.array([clearance_m]),
+        np.array([0.5]),
     )
 
 

@@ -36,7 +36,7 @@ a[4:10], b[4:10] = [1.0, 0.5, -0.2], b[4:10] / 6.0
 a[10:16], b[10:16] = [6.0, 1.0, 0.3], [7.0, 1.5, -5.0]  # through the road
 arrays = {}
 for moment_s in (None, 0.1):
-    sight = scene.sight_lines(a, b, moment_s=moment_s)
+    sight = scene.sight_lines(a, b, risk=0.2, moment_s=moment_s)
     arrays |= {f"{name} {moment_s}": values for name, values in vars(sight).items()}
 np.savez(sys.argv[1], **arrays)
 """

@@ -62,11 +62,13 @@ def test_the_height_tables_follow_their_curves(rng, name):
 
 
 def test_scan_weights_decay_and_sum_to_a_power():
+    decay, correlation = model.FITTED["weight_decay"], model.FITTED["correlation"]
     for count in range(1, 7):
         weights = TABLES.scan_weights[count - 1]
         assert (weights[count:] == 0).all()
-        assert weights[1:count] == pytest.approx(0.5 * weights[: count - 1])
-        assert weights.sum() == pytest.approx(sum(0.6**k for k in range(count)) ** 0.7)
+        assert weights[1:count] == pytest.approx(decay * weights[: count - 1])
+        independent = sum(decay**k for k in range(count))
+        assert weights.sum() == pytest.approx(independent ** (1.0 - correlation))
 
 
 def test_every_fitted_number_reaches_the_engine():

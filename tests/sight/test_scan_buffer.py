@@ -212,9 +212,9 @@ def test_poses_move_the_scene(rng):
     # the ends may be ordered the other way round, and a return on the border of a cell of the
     # ground map may fall into the next one
     apart = np.abs(there.probability - here.probability)
-    assert (apart < 2e-3).mean() > 0.99
+    assert (apart < 2e-3).mean() >= 0.99
     assert apart.max() < 0.05
-    assert (there.state == here.state).mean() > 0.99
+    assert (there.state == here.state).mean() > 0.98
 
 
 def test_scans_without_returns_change_no_answer(rng):

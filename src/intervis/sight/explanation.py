@@ -71,7 +71,7 @@ def explain(
     >>> y, z = np.meshgrid(np.arange(-5, 5, 0.04), np.arange(-1.5, 1.5, 0.06))
     >>> wall = np.stack([np.full(y.size, 10.0), y.ravel(), z.ravel()], axis=1)
     >>> print(explain(Scene.from_scan(wall), [0, 0, 0], [30, 1, 0]))
-    Occluded: visible with a probability of 16 %. An observed surface occludes the line 10.0 m...
+    Occluded: visible with a probability of ... %. An observed surface occludes the line 10.0 m...
     """
     start = checked_point(viewpoint, "viewpoint")
     end = checked_point(target, "target")
