@@ -138,7 +138,7 @@ MAX_CHANGED = 0.45
 OBSERVED_MAX_UNOBSERVED_M, OBSERVED_MAX_UNOBSERVED_FRACTION = 3.0, 0.5
 OBSERVED_MAX_OCCLUDED_SPACE_M = 1.0
 # Without an observed surface on it a line may be improbable, but nothing is known to occlude it.
-OCCLUDED_MIN_SURFACE = 0.5
+OCCLUDED_MIN_SURFACE = 0.1
 DEFAULT_RISK, RISK_RANGE = 0.05, (0.001, 0.2)
 """How often "visible" and "occluded" may each be wrong, unless the caller says so."""
 # Depths that count as the surface itself.
