@@ -14,6 +14,8 @@ from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.drives.calibration import CameraCalibration
 from intervis.drives.frame import Frame
+from intervis.drives.regular_file import open_regular
+from intervis.drives.scan import Scan
 from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError
 
@@ -50,6 +52,9 @@ class Drive:
         Time of each scan by frame number, nanoseconds.
     metadata_files : tuple of Path
         The files that calibration, poses and timestamps were read from.
+    read : function of a frame number to Scan, or None
+        Reads the scan of a frame into the scanner's frame. None: by the ending of the scan's file,
+        which holds points in the scanner's frame.
     frame_numbers : tuple of int
         Numbers of the frames that have a scan, sorted.
     """
@@ -65,6 +70,7 @@ class Drive:
     poses: Mapping[int, Float64Array] | None = None
     timestamps_ns: Mapping[int, int] = field(default_factory=dict)
     metadata_files: tuple[Path, ...] = ()
+    read: Callable[[int], Scan] | None = None
     frame_numbers: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -140,7 +146,7 @@ class Drive:
             raise DriveError(f"a frame number must be an integer, got {number!r}.") from None
         if number not in self.scan_paths:
             raise DriveError(self._no_such_frame(number))
-        scan = read_scan(self.scan_paths[number])
+        scan = self.read(number) if self.read else read_scan(self.scan_paths[number])
         calibration = self.calibration_of(number)
         pose = self.poses.get(number) if self.poses else None
         return Frame(
@@ -175,7 +181,7 @@ class Drive:
         digest, scan_bytes = hashlib.sha256(), 0
         try:
             for number in self.frame_numbers:
-                with self.scan_paths[number].open("rb") as file:
+                with open_regular(self.scan_paths[number]) as file:
                     size = file.seek(0, 2)
                     file.seek(max(0, (size - SAMPLE_BYTES) // 2))
                     digest.update(f"scan {number} {size}\n".encode() + file.read(SAMPLE_BYTES))

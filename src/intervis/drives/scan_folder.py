@@ -1,13 +1,13 @@
 """A folder of scans of one format, directly in it or in its subfolder ``scans``.
 
 Optional files in the folder: ``poses.txt`` (LiDAR poses, KITTI's odometry format), and KITTI raw's
-``calib_cam_to_cam.txt`` with ``calib_velo_to_cam.txt``.
+``calib_cam_to_cam.txt`` with ``calib_velo_to_cam.txt``. Without ``poses.txt`` the poses are those
+that PCD files state (VIEWPOINT).
 """
 
 from collections import Counter
 from pathlib import Path
 
-from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
     RAW_FILES,
     pick_camera,
@@ -18,6 +18,7 @@ from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_by_name
 from intervis.drives.scan_file import READERS, scan_ending
 from intervis.drives.trajectory import read_poses
+from intervis.drives.viewpoint import stated_poses
 from intervis.errors import CalibrationError, DriveError
 
 EXPECTED_FILES = f"scans ending in {' '.join(READERS)}, in it or in scans/ (a folder of scans)"
@@ -42,7 +43,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         raise CalibrationError(f"the calibration file {root / missing} is missing.")
     names = raw_camera_names(root) if present else ()
     chosen = pick_camera(camera, names, (), root)
-    poses: dict[int, Float64Array] | None = None
+    poses, read = stated_poses(scans)
     pose_path = root / "poses.txt"
     if pose_path.is_file():
         poses = lines_by_number(read_poses(pose_path), list(scans), pose_path)
@@ -55,7 +56,11 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         camera_name=chosen,
         calibration=raw_camera_calibration(root, chosen) if chosen else None,
         poses=poses,
-        metadata_files=(*(root / file for file in present), *([pose_path] if poses else [])),
+        metadata_files=(
+            *(root / file for file in present),
+            *([pose_path] if pose_path.is_file() else []),
+        ),
+        read=read,
     )
 
 

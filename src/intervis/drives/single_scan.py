@@ -1,9 +1,13 @@
-"""A single scan file: a drive of one frame, number 0, without camera, pose or timestamp."""
+"""A single scan file: a drive of one frame, number 0, without camera or timestamp.
+
+It has a pose where the file states one (PCD VIEWPOINT).
+"""
 
 from pathlib import Path
 
 from intervis.drives.drive import Drive
 from intervis.drives.scan_file import READERS, scan_ending
+from intervis.drives.viewpoint import stated_poses
 from intervis.errors import DriveError
 
 
@@ -19,4 +23,12 @@ def read_drive(path: Path, camera: str | None) -> Drive:
         raise DriveError(f"{path} is not a scan: its name must end in {' '.join(READERS)}.")
     if camera is not None:
         raise DriveError(f"{path} has no camera {camera!r}: it is a single scan.")
-    return Drive(root=path, name=path.name, layout="single_scan", scan_paths={0: path})
+    poses, read = stated_poses({0: path})
+    return Drive(
+        root=path,
+        name=path.name,
+        layout="single_scan",
+        scan_paths={0: path},
+        poses=poses,
+        read=read,
+    )
