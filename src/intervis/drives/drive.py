@@ -189,7 +189,9 @@ class Drive:
             for number, path in sorted(self.image_paths.items()):
                 digest.update(f"image {number} {path.stat().st_size}\n".encode())
             for path in self.metadata_files:
-                digest.update(f"file {path.name}\n".encode() + path.read_bytes())
+                with open_regular(path) as file:
+                    digest.update(f"file {path.name}\n".encode(errors="surrogateescape"))
+                    digest.update(file.read())
         except OSError as error:
             raise DriveError(f"cannot read {error.filename}: {error.strerror}.") from None
         return {

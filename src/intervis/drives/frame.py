@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # help() shows the names of the array types
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float32Array, Float64Array
 from intervis.camera import Camera, default_viewpoint
+from intervis.drives.image_file import checked_image_size_px
 from intervis.errors import DriveError, MissingExtraError
 
 
@@ -94,8 +96,11 @@ class Frame:
             from PIL import Image
         except ImportError:
             raise MissingExtraError("pillow", "plots", "Decoding an image") from None
+        checked_image_size_px(self.image_path)
         try:
-            with Image.open(self.image_path) as image:
+            with warnings.catch_warnings(), Image.open(self.image_path) as image:
+                warnings.simplefilter("ignore")  # of damage that does not keep it from decoding
                 return np.asarray(image.convert("RGB"))
-        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-            raise DriveError(f"cannot read the image {self.image_path}: {error}.") from None
+        except Exception as error:  # Pillow raises various types on damaged files
+            reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+            raise DriveError(f"cannot read the image {self.image_path}: {reason}.") from None

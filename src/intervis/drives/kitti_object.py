@@ -10,11 +10,11 @@ from pathlib import Path
 
 from intervis.drives.calibration import (
     CameraCalibration,
-    image_size_px,
     pick_camera,
     read_calibration_file,
 )
 from intervis.drives.drive import Drive
+from intervis.drives.image_file import IMAGE_ENDINGS
 from intervis.drives.numbering import numbered_files, numbered_scans
 from intervis.errors import CalibrationError
 
@@ -42,7 +42,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         )
     names = _camera_names(calibrations, scans)
     chosen = pick_camera(camera, names, with_images, root)
-    images = numbered_files(root / chosen, ".png") if chosen else {}
+    images = numbered_files(root / chosen, *IMAGE_ENDINGS) if chosen else {}
     return Drive(
         root=root,
         name=root.name,
@@ -71,9 +71,12 @@ class ObjectCalibrations:
         """Camera and cam_from_velo = R0_rect Tr_velo_to_cam of one frame."""
         missing = self.folder / f"{number:06d}.txt"  # for the error message
         calibration = read_calibration_file(self.files.get(number, missing))
-        own = {number: self.images[number]} if number in self.images else {}
+        # Sizes differ by a few pixels between frames: without its own image, a frame's neighbour.
+        nearest = sorted(self.images, key=lambda other: (abs(other - number), other))[:1]
         key = self.name.replace("image_", "P")
-        camera = calibration.camera(key, image_size_px(own), self.name)
+        camera = calibration.camera(
+            key, {other: self.images[other] for other in nearest}, self.name
+        )
         unrectified_from_velo = calibration.rigid_motion("Tr_velo_to_cam")
         return CameraCalibration(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from intervis.drives.calibration import (
     CameraCalibration,
-    image_size_px,
     pick_camera,
     read_calibration_file,
 )
 from intervis.drives.drive import Drive
+from intervis.drives.image_file import IMAGE_ENDINGS
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
 from intervis.drives.trajectory import known_timestamps, lidar_poses, read_poses, read_seconds
 
@@ -51,12 +51,12 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         calibration = read_calibration_file(root / "calib.txt")
     names = calibration.camera_names("P") if calibration else ()
     chosen = pick_camera(camera, names, with_images, root)
-    images = numbered_files(root / chosen, ".png") if chosen else {}
+    images = numbered_files(root / chosen, *IMAGE_ENDINGS) if chosen else {}
     camera_calibration, poses = None, None
     metadata_files = [root / "calib.txt"] if calibration else []
     if calibration and chosen:
         key = chosen.replace("image_", "P")
-        model = calibration.camera(key, image_size_px(images), chosen)
+        model = calibration.camera(key, images, chosen)
         camera_calibration = CameraCalibration(model, calibration.rigid_motion("Tr"))
     if calibration and pose_path:
         poses_velo = lidar_poses(read_poses(pose_path), calibration.rigid_motion("Tr"))

@@ -18,6 +18,7 @@ from intervis.drives.calibration import (
     warn_of_other_size,
 )
 from intervis.drives.drive import Drive
+from intervis.drives.image_file import IMAGE_ENDINGS
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
 from intervis.drives.trajectory import (
     known_timestamps,
@@ -50,7 +51,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         names = raw_camera_names(date)
     chosen = pick_camera(camera, names, with_images, root)
     calibration = raw_camera_calibration(date, chosen) if chosen else None
-    images = numbered_files(root / chosen / "data", ".png") if chosen else {}
+    images = numbered_files(root / chosen / "data", *IMAGE_ENDINGS) if chosen else {}
     if calibration:
         warn_of_other_size(calibration.camera, images)
     else:

@@ -1,24 +1,36 @@
 """Poses and timestamps: KITTI's odometry format, GPS/IMU records (oxts), lists of times."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.drives.calibration import parse_numbers, read_lines
+from intervis.drives.calibration import COMMENT, parse_numbers, read_lines
 from intervis.errors import CalibrationError, PoseError
 from intervis.transform import checked_pose, inverse, rigid
 
 EARTH_RADIUS_M = 6_378_137.0
 """Radius of the sphere of KITTI's Mercator projection."""
 
+FARTHEST_M = 1e9
+"""Coordinates of a pose at most: beyond any on Earth, in any unit that is meant."""
+
+LATEST_S = 9e9
+"""Times at most, seconds: 64 bits of nanoseconds end at 9.2e9."""
+
+YEARS = ("1678", "2261")
+"""First and last year that 64 bits of nanoseconds since 1970 hold completely."""
+
 DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 
 
 def read_poses(path: Path) -> list[Float64Array]:
     """Read poses in KITTI's odometry format: each line holds the upper three rows of a 4x4 matrix.
+
+    All four rows are taken too. Blank lines and lines that start with # are passed over.
 
     Returns
     -------
@@ -31,17 +43,29 @@ def read_poses(path: Path) -> list[Float64Array]:
         A line does not parse or is not a rigid motion; the message names file and line.
     """
     poses = []
-    for line_number, line in enumerate(read_lines(path), start=1):
+    for line_number, line in _lines_with_values(path):
         values = parse_numbers(line, path, line_number)
-        if len(values) != 12:
+        if len(values) not in (12, 16):
             raise CalibrationError(
                 f"{path}, line {line_number}: a pose needs 12 numbers, this line has {len(values)}."
             )
+        if max(map(abs, values)) > FARTHEST_M:
+            raise CalibrationError(
+                f"{path}, line {line_number}: a pose of more than {FARTHEST_M:.0e} m is none on"
+                " Earth."
+            )
         try:
-            poses.append(checked_pose(np.reshape(values, (3, 4))))
+            poses.append(checked_pose(np.reshape(values, (-1, 4))))
         except PoseError as error:
             raise CalibrationError(f"{path}, line {line_number}: {error}") from None
     return poses
+
+
+def _lines_with_values(path: Path) -> Iterator[tuple[int, str]]:
+    """Line numbers (from 1) and lines of a file, without blank ones and comments."""
+    for line_number, line in enumerate(read_lines(path), start=1):
+        if line.strip() and not line.lstrip().startswith(COMMENT):
+            yield line_number, line
 
 
 def poses_from_oxts(
@@ -93,7 +117,12 @@ def poses_from_oxts(
 def _read_record(path: Path) -> tuple[float, ...]:
     lines = read_lines(path)
     values = parse_numbers(lines[0], path, 1) if lines else ()
-    if len(values) < 6 or not abs(values[0]) < 90:
+    if (
+        len(values) < 6
+        or not abs(values[0]) < 90
+        or not abs(values[1]) <= 360
+        or max(map(abs, values[:6])) > FARTHEST_M
+    ):
         raise CalibrationError(
             f"{path}, line 1: expected latitude, longitude, altitude, roll, pitch and yaw."
         )
@@ -112,12 +141,13 @@ def read_timestamps(path: Path) -> list[int | None]:
     for line_number, line in enumerate(read_lines(path), start=1):
         text = line.strip()
         try:
-            if text and not DATE_AND_TIME.fullmatch(text):
+            if text and not (DATE_AND_TIME.fullmatch(text) and YEARS[0] <= text[:4] <= YEARS[1]):
                 raise ValueError
             timestamps_ns.append(int(np.datetime64(text, "ns").astype(np.int64)) if text else None)
         except ValueError:
             raise CalibrationError(
-                f"{path}, line {line_number}: {text[:40]!r} is not a date and time."
+                f"{path}, line {line_number}: {text[:40]!r} is not a date and time from"
+                f" {YEARS[0]} to {YEARS[1]}."
             ) from None
     return timestamps_ns
 
@@ -125,11 +155,20 @@ def read_timestamps(path: Path) -> list[int | None]:
 def read_seconds(path: Path) -> list[int | None]:
     """Read KITTI odometry's times.txt (one time in seconds a line): nanoseconds."""
     timestamps_ns: list[int | None] = []
-    for line_number, line in enumerate(read_lines(path), start=1):
+    for line_number, line in _lines_with_values(path):
         values = parse_numbers(line, path, line_number)
         if len(values) != 1:
             raise CalibrationError(f"{path}, line {line_number}: expected one time in seconds.")
-        timestamps_ns.append(round(values[0] * 1e9))
+        if abs(values[0]) > LATEST_S:
+            raise CalibrationError(
+                f"{path}, line {line_number}: {line.strip()[:40]!r} is beyond {LATEST_S:.0e}"
+                " seconds: no time that 64 bits of nanoseconds hold."
+            )
+        # Exact: a float of seconds since 1970 has no nanoseconds.
+        try:
+            timestamps_ns.append(round(Decimal(line.strip()) * 10**9))
+        except ArithmeticError:  # an exponent of many digits
+            timestamps_ns.append(round(values[0] * 1e9))
     return timestamps_ns
 
 
