@@ -97,7 +97,7 @@ class Settings(BaseModel):
     concave_boundary: ConcaveBoundary = "every"
     criterion: Criterion = "sight_angle"
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, /, **values: Any) -> None:
         """Validate the values; settings that are not given have their defaults."""
         for name in values:
             if name not in type(self).model_fields:
@@ -112,7 +112,7 @@ class Settings(BaseModel):
         if self.tau != "auto" and self.tau > MAX_TAU:
             raise SettingsError(f"setting 'tau' must be at most {MAX_TAU}.")
 
-    def with_changes(self, **values: Any) -> Self:
+    def with_changes(self, /, **values: Any) -> Self:
         """A copy with some settings changed, validated again."""
         return type(self)(**{**self.model_dump(), **values})
 
@@ -126,11 +126,12 @@ class Settings(BaseModel):
             The file cannot be read, is not TOML, or has an unknown or invalid setting.
         """
         try:
-            values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            values = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
         except OSError as error:
             raise SettingsError(f"cannot read the settings {path}: {error.strerror}.") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise SettingsError(f"{path} is not valid TOML: {error}.") from None
+        except ValueError as error:  # also a whole number of more digits than Python reads
+            reason = str(error).split(";")[0].rstrip(".")
+            raise SettingsError(f"{path} is not valid TOML: {reason}.") from None
         except RecursionError:
             raise SettingsError(f"{path} is nested too deeply to be settings.") from None
         try:
