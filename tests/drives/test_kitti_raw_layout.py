@@ -222,7 +222,7 @@ def test_images_without_calibration_name_the_missing_file(tmp_path, file):
         ("calib_velo_to_cam.txt", "T: 0", "T: zero", r"line 3: 'zero' is not a finite number"),
         ("calib_velo_to_cam.txt", "T: 0", "T: nan", r"line 3: 'nan' is not a finite number"),
         ("calib_velo_to_cam.txt", "T: 0", "T: 0 0", r"line 3: T needs 3 numbers, it has 4"),
-        ("calib_velo_to_cam.txt", "T: 0", "T 0", r"line 3: expected KEY: numbers, got 'T 0 -0"),
+        ("calib_velo_to_cam.txt", "T: 0", "T; 0", r"line 3: expected KEY: numbers, got 'T; 0 -0"),
         ("calib_velo_to_cam.txt", "T: 0", "U: 0", r"has no line 'T'"),
         ("calib_velo_to_cam.txt", "R: 0 -1", "R: 0 1", r"line 2: R is not a rigid motion"),
         ("calib_velo_to_cam.txt", "R: 0 -1", "R: 0 -2", r"line 2: R is not a rigid motion"),

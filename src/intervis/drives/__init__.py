@@ -9,7 +9,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from intervis.drives import kitti_object, kitti_odometry, kitti_raw, scan_folder, single_scan
+from intervis.drives import (
+    kitti_object,
+    kitti_odometry,
+    kitti_raw,
+    kitti_tracking,
+    scan_folder,
+    single_scan,
+)
 from intervis.drives.drive import Drive
 from intervis.drives.frame import Frame
 from intervis.errors import DriveError
@@ -25,7 +32,7 @@ class _Layout(NamedTuple):
 
 _LAYOUTS = tuple(
     _Layout(module.EXPECTED_FILES, module.find_roots, module.read_drive)
-    for module in (kitti_raw, kitti_odometry, kitti_object, scan_folder)
+    for module in (kitti_raw, kitti_odometry, kitti_tracking, kitti_object, scan_folder)
 )
 
 
@@ -33,9 +40,10 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     """Open a drive; its layout is recognised from the files at `path`.
 
     Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
-    (a sequence), KITTI object (``training``), a folder of scans (optionally with ``poses.txt``),
-    and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes) or ``.ply``. Scans are read
-    when their frames are accessed. No file is unpickled or executed.
+    and SemanticKITTI (a sequence), KITTI tracking (``training/velodyne/NNNN``), KITTI object
+    (``training``), a folder of scans (optionally with ``poses.txt``; also a sequence of the
+    DynamicMap benchmark), and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes) or
+    ``.ply``. Scans are read when their frames are accessed. No file is unpickled or executed.
 
     Parameters
     ----------

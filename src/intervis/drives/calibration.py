@@ -26,6 +26,8 @@ KITTI_CENTRE_PX = (609.0, 178.0)
 KITTI_CENTRE_TOLERANCE_PX = (25.0, 15.0)
 """Principal points of KITTI's rectified cameras lie around this one, within this distance."""
 
+KEY_WITHOUT_COLON = re.compile(r"\s*[A-Za-z]\w*\s+[-+.\d]", re.ASCII)
+
 COMMENT = "#"
 """Lines that start so are passed over."""
 
@@ -51,7 +53,7 @@ class CameraCalibration:
 
 @dataclass(frozen=True)
 class CalibrationFile:
-    """A file of lines ``KEY: number number ...``.
+    """A file of lines ``KEY: number number ...``; the colon may be missing.
 
     Attributes
     ----------
@@ -98,16 +100,31 @@ class CalibrationFile:
         except PoseError as error:
             raise CalibrationError(f"{self.where(key)}: {error}") from None
 
-    def camera_names(self, prefix: str) -> tuple[str, ...]:
+    def rect_from_velo(self) -> Float64Array:
+        """(4, 4) rectified camera coordinates from the LiDAR's, of KITTI object and tracking.
+
+        The rectifying rotation after the extrinsics. Their lines are called ``R0_rect`` and
+        ``Tr_velo_to_cam``, in the tracking set ``R_rect`` and ``Tr_velo_cam``.
+        """
+        rectifying, extrinsics = (
+            next((key for key in keys if key in self.lines), keys[0])
+            for keys in (("R0_rect", "R_rect"), ("Tr_velo_to_cam", "Tr_velo_cam"))
+        )
+        unrectified_from_velo = self.rigid_motion(extrinsics)
+        return self.rotation(rectifying) @ unrectified_from_velo
+
+    def camera_names(self, prefix: str, digits: int = 0) -> tuple[str, ...]:
         """Names of the cameras with a projection: ``image_02`` for the key ``P_rect_02``.
 
         Parameters
         ----------
         prefix : str
             The key of a projection without the camera's number.
+        digits : int
+            Digits of the number in the name; 0 for those of the key.
         """
         numbers = (re.fullmatch(prefix + r"([0-9]{1,4})", key) for key in self.lines)
-        return tuple(sorted(f"image_{match[1]}" for match in numbers if match))
+        return tuple(sorted(f"image_{match[1].zfill(digits)}" for match in numbers if match))
 
     def camera(self, key: str, size_px: tuple[int, int] | Mapping[int, Path], name: str) -> Camera:
         """The camera with the 3x4 projection in the line of `key`.
@@ -151,6 +168,8 @@ def read_calibration_file(path: Path) -> CalibrationFile:
     lines: dict[str, tuple[int, tuple[float, ...]]] = {}
     for line_number, line in enumerate(read_lines(path), start=1):
         key, colon, text = (part.strip() for part in line.partition(":"))
+        if not colon and KEY_WITHOUT_COLON.match(line):  # as in KITTI's tracking set
+            key, colon, text = line.split(maxsplit=1)[0], ":", line.split(maxsplit=1)[1]
         if not line.strip() or key in TEXT_KEYS or line.lstrip().startswith(COMMENT):
             continue
         if not colon or not key:

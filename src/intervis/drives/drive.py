@@ -37,7 +37,8 @@ class Drive:
     name : str
         The folder's (or file's) name.
     layout : str
-        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``scan_folder`` or ``single_scan``.
+        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``scan_folder`` or
+        ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
         Files by frame number; a frame may have no image.
     camera_names : tuple of str
@@ -55,6 +56,8 @@ class Drive:
     read : function of a frame number to Scan, or None
         Reads the scan of a frame into the scanner's frame. None: by the ending of the scan's file,
         which holds points in the scanner's frame.
+    label_paths : mapping of int to Path
+        Files with labels of points by frame number; a frame may have none.
     frame_numbers : tuple of int
         Numbers of the frames that have a scan, sorted.
     """
@@ -71,6 +74,7 @@ class Drive:
     timestamps_ns: Mapping[int, int] = field(default_factory=dict)
     metadata_files: tuple[Path, ...] = ()
     read: Callable[[int], Scan] | None = None
+    label_paths: Mapping[int, Path] = field(default_factory=dict)
     frame_numbers: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -159,6 +163,7 @@ class Drive:
             timestamp_ns=self.timestamps_ns.get(number),
             image_path=self.image_paths.get(number),
             scan_path=self.scan_paths[number],
+            label_path=self.label_paths.get(number),
         )
 
     def fingerprint(self) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from intervis.arrays import Float32Array, Float64Array
 from intervis.camera import Camera, default_viewpoint
 from intervis.drives.image_file import checked_image_size_px
+from intervis.drives.point_labels import read_labels
 from intervis.errors import DriveError, MissingExtraError
 
 
@@ -40,6 +41,8 @@ class Frame:
         The camera's image of this frame.
     scan_path : Path or None
         The file that the points were read from.
+    label_path : Path or None
+        The file with labels of the points (SemanticKITTI).
 
     Examples
     --------
@@ -56,6 +59,7 @@ class Frame:
     timestamp_ns: int | None = None
     image_path: Path | None = None
     scan_path: Path | None = None
+    label_path: Path | None = None
 
     @property
     def timestamp_s(self) -> float | None:
@@ -67,6 +71,7 @@ class Frame:
         if self.camera is not None:
             known.append(f"camera {self.camera.name}")
         known += ["image"] if self.image_path is not None else []
+        known += ["labels"] if self.label_path is not None else []
         known += ["pose"] if self.pose is not None else []
         known += ["timestamp"] if self.timestamp_ns is not None else []
         return f"<Frame {self.number}: {', '.join(known)}>"
@@ -78,6 +83,28 @@ class Frame:
         The camera's centre; the sensor's origin where the frame has no camera.
         """
         return default_viewpoint(self.camera, self.cam_from_velo)
+
+    @property
+    def point_classes(self) -> NDArray[np.uint16] | None:
+        """(N,) class of each point, the lower 16 bits of SemanticKITTI's label.
+
+        Read at each access; None where the frame has no labels.
+
+        Raises
+        ------
+        ScanError
+            The file of labels cannot be read, or does not fit the points.
+        """
+        if self.label_path is None:
+            return None
+        return (read_labels(self.label_path, len(self.points)) & 0xFFFF).astype(np.uint16)
+
+    @property
+    def point_instances(self) -> NDArray[np.uint16] | None:
+        """(N,) instance of each point, the upper 16 bits of its label, as `point_classes`."""
+        if self.label_path is None:
+            return None
+        return (read_labels(self.label_path, len(self.points)) >> 16).astype(np.uint16)
 
     @property
     def image(self) -> NDArray[np.uint8] | None:

@@ -16,6 +16,7 @@ from intervis.drives.calibration import (
 from intervis.drives.drive import Drive
 from intervis.drives.image_file import IMAGE_ENDINGS
 from intervis.drives.numbering import numbered_files, numbered_scans
+from intervis.drives.point_labels import label_files
 from intervis.errors import CalibrationError
 
 EXPECTED_FILES = "velodyne/*.bin beside calib/ or image_2/, also under training/ (KITTI object)"
@@ -55,6 +56,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         if chosen
         else None,
         metadata_files=tuple(calibrations.values()),
+        label_paths=label_files(scans),
     )
 
 
@@ -77,8 +79,7 @@ class ObjectCalibrations:
         camera = calibration.camera(
             key, {other: self.images[other] for other in nearest}, self.name
         )
-        unrectified_from_velo = calibration.rigid_motion("Tr_velo_to_cam")
-        return CameraCalibration(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
+        return CameraCalibration(camera, calibration.rect_from_velo())
 
 
 def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -> tuple[str, ...]:

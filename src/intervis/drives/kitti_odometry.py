@@ -1,8 +1,9 @@
 """KITTI odometry (and SemanticKITTI): one folder for each sequence, poses of camera 0 beside them.
 
 ``sequences/NN/velodyne/*.bin``, ``.../image_2/*.png``, ``.../calib.txt``, ``.../times.txt``, and
-``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as in SemanticKITTI). The files hold poses of the
-rectified camera 0. They are converted to LiDAR poses with the line `Tr` of calib.txt.
+``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as in SemanticKITTI, which adds ``.../labels``).
+The files hold poses of the rectified camera 0. They are converted to LiDAR poses with the line `Tr`
+of calib.txt.
 """
 
 from pathlib import Path
@@ -15,6 +16,7 @@ from intervis.drives.calibration import (
 from intervis.drives.drive import Drive
 from intervis.drives.image_file import IMAGE_ENDINGS
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
+from intervis.drives.point_labels import label_files
 from intervis.drives.trajectory import known_timestamps, lidar_poses, read_poses, read_seconds
 
 EXPECTED_FILES = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
@@ -79,6 +81,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         poses=poses,
         timestamps_ns=timestamps_ns,
         metadata_files=tuple(metadata_files),
+        label_paths=label_files(scans),
     )
 
 

@@ -23,6 +23,7 @@ from intervis.drives.numbering import lines_by_number, numbered_files, numbered_
 from intervis.drives.trajectory import (
     known_timestamps,
     poses_from_oxts,
+    read_oxts_file,
     read_poses,
     read_timestamps,
 )
@@ -86,7 +87,8 @@ def _read_poses(
         return None, []
     imu = root.parent / "calib_imu_to_velo.txt"
     velo_from_imu = read_calibration_file(imu).rotation_and_translation()
-    return poses_from_oxts(records, velo_from_imu), [imu, *records.values()]
+    values = {number: read_oxts_file(path) for number, path in records.items()}
+    return poses_from_oxts(values, velo_from_imu), [imu, *records.values()]
 
 
 def _read_timestamps(root: Path, numbers: list[int]) -> tuple[dict[int, int], list[Path]]:

@@ -1,4 +1,4 @@
-"""A folder of scans of one format, directly in it or in its subfolder ``scans``.
+"""A folder of scans of one format, directly in it or in its subfolder ``pcd`` or ``scans``.
 
 Optional files in the folder: ``poses.txt`` (LiDAR poses, KITTI's odometry format), and KITTI raw's
 ``calib_cam_to_cam.txt`` with ``calib_velo_to_cam.txt``. Without ``poses.txt`` the poses are those
@@ -16,12 +16,15 @@ from intervis.drives.calibration import (
 )
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_by_name
+from intervis.drives.point_labels import label_files
 from intervis.drives.scan_file import READERS, scan_ending
 from intervis.drives.trajectory import read_poses
 from intervis.drives.viewpoint import stated_poses
 from intervis.errors import CalibrationError, DriveError
 
-EXPECTED_FILES = f"scans ending in {' '.join(READERS)}, in it or in scans/ (a folder of scans)"
+EXPECTED_FILES = (
+    f"scans ending in {' '.join(READERS)}, in it, in pcd/ or in scans/ (a folder of scans)"
+)
 
 
 def find_roots(path: Path) -> list[Path]:
@@ -61,12 +64,16 @@ def read_drive(root: Path, camera: str | None) -> Drive:
             *([pose_path] if pose_path.is_file() else []),
         ),
         read=read,
+        label_paths=label_files(scans),
     )
 
 
 def _scans(root: Path) -> list[Path]:
-    """The scan files in `root`, or else those in its ``scans``."""
-    for folder in (root, root / "scans"):
+    """The scan files in the ``pcd`` of `root`, or else those in it, or else in its ``scans``.
+
+    The DynamicMap benchmark keeps scans in ``pcd``, and maps of all of them beside that folder.
+    """
+    for folder in (root / "pcd", root, root / "scans"):
         if folder.is_dir():
             paths = [
                 path

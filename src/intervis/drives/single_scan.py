@@ -6,6 +6,7 @@ It has a pose where the file states one (PCD VIEWPOINT).
 from pathlib import Path
 
 from intervis.drives.drive import Drive
+from intervis.drives.point_labels import label_files
 from intervis.drives.scan_file import READERS, scan_ending
 from intervis.drives.viewpoint import stated_poses
 from intervis.errors import DriveError
@@ -31,4 +32,5 @@ def read_drive(path: Path, camera: str | None) -> Drive:
         scan_paths={0: path},
         poses=poses,
         read=read,
+        label_paths=label_files({0: path}),
     )

@@ -69,9 +69,9 @@ def _lines_with_values(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def poses_from_oxts(
-    records: Mapping[int, Path], velo_from_imu: Float64Array
+    records: Mapping[int, tuple[float, ...]], velo_from_imu: Float64Array
 ) -> dict[int, Float64Array]:
-    """LiDAR poses from KITTI raw's oxts records, one file for each frame.
+    """LiDAR poses from KITTI's oxts records.
 
     The world frame is x east, y north, z up, with its origin at the IMU of the first record.
     Positions come from latitude and longitude by a Mercator projection with scale 1 at the first
@@ -80,19 +80,14 @@ def poses_from_oxts(
 
     Parameters
     ----------
-    records : mapping of frame number to Path
+    records : mapping of frame number to six floats
+        Latitude and longitude in degrees, altitude in metres, roll, pitch and yaw in radians.
     velo_from_imu : (4, 4) array
 
     Returns
     -------
     dict of frame number to (4, 4) float64 array
         world_from_velo.
-
-    Raises
-    ------
-    CalibrationError
-        A record does not start with six numbers: latitude and longitude in degrees, altitude in
-        metres, roll, pitch and yaw in radians.
     """
     from scipy.spatial.transform import Rotation  # 0.4 s to import: only for drives with oxts
 
@@ -101,7 +96,7 @@ def poses_from_oxts(
     scale = 1.0
     poses = {}
     for number in sorted(records):
-        latitude_deg, longitude_deg, altitude_m, *angles_rad = _read_record(records[number])
+        latitude_deg, longitude_deg, altitude_m, *angles_rad = records[number]
         if origin is None:
             scale = float(np.cos(np.radians(latitude_deg)))
         east_m = scale * EARTH_RADIUS_M * np.radians(longitude_deg)
@@ -114,9 +109,26 @@ def poses_from_oxts(
     return poses
 
 
-def _read_record(path: Path) -> tuple[float, ...]:
+def read_oxts_file(path: Path) -> tuple[float, ...]:
+    """The six numbers of a record in a file of its own, as in KITTI raw.
+
+    Raises
+    ------
+    CalibrationError
+        It does not start with six numbers: latitude and longitude in degrees, altitude in metres,
+        roll, pitch and yaw in radians.
+    """
     lines = read_lines(path)
-    values = parse_numbers(lines[0], path, 1) if lines else ()
+    return _record(lines[0] if lines else "", path, 1)
+
+
+def read_oxts_lines(path: Path) -> list[tuple[float, ...]]:
+    """The records in the lines of one file, as in KITTI tracking; errors as `read_oxts_file`."""
+    return [_record(line, path, number) for number, line in enumerate(read_lines(path), start=1)]
+
+
+def _record(line: str, path: Path, line_number: int) -> tuple[float, ...]:
+    values = parse_numbers(line, path, line_number)
     if (
         len(values) < 6
         or not abs(values[0]) < 90
@@ -124,7 +136,8 @@ def _read_record(path: Path) -> tuple[float, ...]:
         or max(map(abs, values[:6])) > FARTHEST_M
     ):
         raise CalibrationError(
-            f"{path}, line 1: expected latitude, longitude, altitude, roll, pitch and yaw."
+            f"{path}, line {line_number}: expected latitude, longitude, altitude, roll, pitch and"
+            " yaw."
         )
     return values[:6]
 
