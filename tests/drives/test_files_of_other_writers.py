@@ -330,6 +330,16 @@ def test_a_scan_cut_off_is_truncated_whatever_divides_its_size(tmp_path, cut):
             read_bytes(tmp_path, "a.bin", content[: len(content) - 16 * rows_less - cut])
 
 
+def test_signalling_nans_in_any_column_leave_no_warning(tmp_path):
+    """Found by fuzzing: numpy warns when it rounds or casts one."""
+    points = scanned_room()
+    values = columns(points, *extra_columns(len(points), 2)).ravel().view("<u4")
+    values[:50] = 0x7F800001
+    scan = read_bytes(tmp_path, "a.bin", values.tobytes())
+    assert np.isnan(scan.points[:10]).all()
+    assert np.array_equal(scan.points[10:], points[10:].astype("<f4"))
+
+
 def test_a_sweep_under_another_name_is_read_as_what_it_is(tmp_path, caplog):
     """nuScenes names five columns .pcd.bin, Lyft and others .bin; some write four to .pcd.bin."""
     points = scanned_room()

@@ -74,12 +74,33 @@ def test_the_identity_is_no_pose(tmp_path, caplog, words):
 
 
 @pytest.mark.parametrize(
-    "words", ["1 2 3", "1 2 3 0 0 0 0", "1 2 nan 1 0 0 0", "a b c 1 0 0 0", "1 2 3 1 0 0 0 0"]
+    "words",
+    [
+        "1 2 3",
+        "1 2 3 0 0 0 0",
+        "1 2 nan 1 0 0 0",
+        "a b c 1 0 0 0",
+        "1 2 3 1 0 0 0 0",
+        "1e300 0 0 1 0 0 0",
+        "1 2 3 1e300 0 0 0",
+    ],
 )
 def test_a_viewpoint_that_is_none_is_named_and_left_out(tmp_path, caplog, words):
     drive = open_drive(write_pcd(tmp_path / "a.pcd", scanned_room(), words))
     assert drive[0].pose is None
     assert "its VIEWPOINT is no position with a quaternion" in caplog.text
+
+
+def test_signalling_nans_leave_no_warning(tmp_path):
+    """Found by fuzzing."""
+    position = (100.0, 50.0, 30.0)
+    path = write_pcd(tmp_path / "b.pcd", scanned_room() + position, viewpoint(position), "f4")
+    content = bytearray(path.read_bytes())
+    content[-12:] = np.full(3, 0x7F800001, "<u4").tobytes()
+    path.write_bytes(content)
+    points = open_drive(path)[0].points
+    assert np.isnan(points[-1]).all()
+    assert np.isfinite(points[:-1]).all()
 
 
 def test_a_rotation_at_the_origin_is_a_pose_in_the_world(tmp_path, caplog):

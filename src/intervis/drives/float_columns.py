@@ -38,7 +38,8 @@ def azimuth_step_deg(values: Float32Array, width: int) -> float:
     >>> round(azimuth_step_deg(values, 5), 3), azimuth_step_deg(values, 4) > 10
     (0.5, True)
     """
-    rows = values[: len(values) // width * width].reshape(-1, width)[:, :3].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # casting a signalling NaN
+        rows = values[: len(values) // width * width].reshape(-1, width)[:, :3].astype(np.float64)
     rows = rows[np.isfinite(rows).all(axis=1) & (rows[:, :2] != 0).any(axis=1)]
     if len(rows) < FEWEST_ROWS:
         return np.inf
@@ -63,7 +64,8 @@ def column_distinctness(values: Float32Array, width: int) -> float:
     """
     if len(values) // width < FEWEST_ROWS:
         return 0.0
-    used = values[: len(values) // width * width].astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        used = values[: len(values) // width * width].astype(np.float64)
     used = np.nan_to_num(used, nan=0.0, posinf=1e9, neginf=-1e9)
     kinds = (used == np.rint(used), np.sign(used), np.log(np.abs(used) + 1e-3))
     return max(_explained(np.asarray(kind, np.float64), width) for kind in kinds)
@@ -118,6 +120,8 @@ def column_names(values: Float32Array, width: int) -> tuple[str, ...]:
     names = ["intensity", *(f"column_{number}" for number in range(5, width + 1))][: width - 3]
     if width >= 5:
         fifth = values[4::width]
-        if np.all((fifth == np.rint(fifth)) & (fifth >= 0) & (fifth < 1024)):
+        with np.errstate(invalid="ignore"):  # a signalling NaN
+            small = np.all((fifth == np.rint(fifth)) & (fifth >= 0) & (fifth < 1024))
+        if small:
             names[1] = "ring"
     return tuple(names)

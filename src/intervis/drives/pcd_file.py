@@ -18,6 +18,9 @@ from intervis.transform import rigid
 
 log = logging.getLogger(__name__)
 
+FARTHEST_M = 1e9
+"""Coordinates of a VIEWPOINT at most: beyond any on Earth."""
+
 LZF_RATIO = 88
 """Highest compression ratio of LZF: 3 bytes encode at most 264."""
 
@@ -78,8 +81,8 @@ def read_viewpoint(path: Path) -> Float64Array | None:
     except ValueError:
         values = np.zeros(0)
     position, quaternion_wxyz = values[:3], values[3:]
-    length = np.linalg.norm(quaternion_wxyz)
-    if len(values) != 7 or not np.isfinite(values).all() or not 1e-3 < length < 1e3:
+    is_pose = len(values) == 7 and np.abs(values).max() < FARTHEST_M  # False for NaN
+    if not is_pose or not 1e-3 < np.linalg.norm(quaternion_wxyz) < 1e3:
         log.warning("%s: its VIEWPOINT is no position with a quaternion, and is not used.", path)
         return None
     rotation = rotation_of_quaternion(quaternion_wxyz)

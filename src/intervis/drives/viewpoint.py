@@ -87,8 +87,9 @@ def hidden_share(points: FloatArray, place: FloatArray) -> float:
 
 def _directions(points: FloatArray, place: FloatArray) -> tuple[Float64Array, Float64Array]:
     """Ranges and unit directions from a place, without invalid points and those at the place."""
-    from_place = np.asarray(points, dtype=np.float64) - place
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):  # files hold any numbers
+        points = np.asarray(points, dtype=np.float64)
+        from_place = points - place
         range_m = np.linalg.norm(from_place, axis=1)
     kept = np.isfinite(range_m) & (range_m > 1e-6) & np.any(points, axis=1)
     return range_m[kept], from_place[kept] / range_m[kept, None]
