@@ -153,6 +153,23 @@ def kitti_object(name: str) -> Target:
     return Target(lambda folder: write_kitti_object(folder, scans=(0, 1)) / name, read_whole_drive)
 
 
+def stations_3dtk(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        rows = "".join(f"{x} {y} {z} 0.5\n" for x, y, z in (100 * room(40)).tolist())
+        write_text(folder / "scan001.3d", rows)
+        write_text(folder / "scan001.pose", "100 -20.5 3e1\n0.1 90 -7\n")
+        return folder / name
+
+    return Target(write, read_whole_drive)
+
+
+def ptx() -> str:
+    """Two stations of 5 x 4 points."""
+    head = "5\n4\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n{} 3 1\n"
+    rows = "".join(f"{x:.6f} {y:.6f} {z:.6f} 0.5 1 2 3\n" for x, y, z in room(20).tolist())
+    return head.format("1 2") + rows + head.format("0 0") + rows
+
+
 def image(name: str, save: Callable[[Path], None]) -> Target:
     def write(folder: Path) -> Path:
         root = write_kitti_object(folder, scans=(0,))
@@ -200,6 +217,9 @@ TARGETS = {
     "tracking calibration": tracking("calib/0000.txt", ""),
     "tracking oxts": tracking("oxts/0000.txt", "48.1 8.2 100.5 0.1 0.2 0.3\n"),
     "object calibration": kitti_object("calib/000000.txt"),
+    "3dtk": stations_3dtk("scan001.3d"),
+    "3dtk pose": stations_3dtk("scan001.pose"),
+    "ptx": scan_file("0.ptx", ptx().encode()),
     "png": image("000000.png", lambda path: write_png(path, 24, 16, grey=77)),
     "jpeg": image("000000.jpg", save_jpeg),
     "settings": Target(settings_file, lambda folder: Settings.from_toml(folder / "settings.toml")),

@@ -14,6 +14,7 @@ from intervis.drives import (
     kitti_odometry,
     kitti_raw,
     kitti_tracking,
+    ptx_stations,
     scan_folder,
     single_scan,
 )
@@ -32,7 +33,14 @@ class _Layout(NamedTuple):
 
 _LAYOUTS = tuple(
     _Layout(module.EXPECTED_FILES, module.find_roots, module.read_drive)
-    for module in (kitti_raw, kitti_odometry, kitti_tracking, kitti_object, scan_folder)
+    for module in (
+        kitti_raw,
+        kitti_odometry,
+        kitti_tracking,
+        kitti_object,
+        scan_folder,
+        ptx_stations,
+    )
 )
 
 
@@ -42,8 +50,9 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
     and SemanticKITTI (a sequence), KITTI tracking (``training/velodyne/NNNN``), KITTI object
     (``training``), a folder of scans (optionally with ``poses.txt``; also a sequence of the
-    DynamicMap benchmark), and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes) or
-    ``.ply``. Scans are read when their frames are accessed. No file is unpickled or executed.
+    DynamicMap benchmark and stations of 3DTK), PTX files with stations, and a single ``.bin``,
+    ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read
+    when their frames are accessed. No file is unpickled or executed.
 
     Parameters
     ----------
@@ -87,6 +96,8 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
             raise DriveError(f"there is nothing at {given}: check the path.")
         root = given.resolve()
         if root.is_file():
+            if root.name.lower().endswith(ptx_stations.ENDING):
+                return ptx_stations.read_drive(root, camera)
             return single_scan.read_drive(root, camera)
         return _open_folder(root, camera)
     except OSError as error:

@@ -12,6 +12,7 @@ from intervis.drives.pcd_file import read_pcd
 from intervis.drives.ply_file import read_ply
 from intervis.drives.regular_file import open_regular
 from intervis.drives.scan import Scan, scan_of_rows
+from intervis.drives.threedtk import read_3d
 from intervis.errors import ScanError
 
 log = logging.getLogger(__name__)
@@ -70,6 +71,7 @@ READERS: dict[str, Callable[[Path, Float64Array | None], Scan]] = {
     ".npy": read_npy,
     ".pcd": read_pcd,
     ".ply": read_ply,
+    ".3d": read_3d,
 }
 """Readers by ending of the file name; a longer ending stands before its own suffix."""
 

@@ -2,7 +2,7 @@
 
 Optional files in the folder: ``poses.txt`` (LiDAR poses, KITTI's odometry format), and KITTI raw's
 ``calib_cam_to_cam.txt`` with ``calib_velo_to_cam.txt``. Without ``poses.txt`` the poses are those
-that PCD files state (VIEWPOINT).
+that PCD files state (VIEWPOINT), or those in 3DTK's ``.pose`` files.
 """
 
 from collections import Counter
@@ -18,6 +18,7 @@ from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_by_name
 from intervis.drives.point_labels import label_files
 from intervis.drives.scan_file import READERS, scan_ending
+from intervis.drives.threedtk import ENDING, station_poses
 from intervis.drives.trajectory import read_poses
 from intervis.drives.viewpoint import stated_poses
 from intervis.errors import CalibrationError, DriveError
@@ -47,9 +48,14 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     names = raw_camera_names(root) if present else ()
     chosen = pick_camera(camera, names, (), root)
     poses, read = stated_poses(scans)
+    pose_files: list[Path] = []
     pose_path = root / "poses.txt"
     if pose_path.is_file():
         poses = lines_by_number(read_poses(pose_path), list(scans), pose_path)
+        pose_files = [pose_path]
+    elif ENDING in endings:
+        stations, pose_files = station_poses(scans)
+        poses = stations or None
     return Drive(
         root=root,
         name=root.name,
@@ -59,10 +65,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         camera_name=chosen,
         calibration=raw_camera_calibration(root, chosen) if chosen else None,
         poses=poses,
-        metadata_files=(
-            *(root / file for file in present),
-            *([pose_path] if pose_path.is_file() else []),
-        ),
+        metadata_files=(*(root / file for file in present), *pose_files),
         read=read,
         label_paths=label_files(scans),
     )
