@@ -16,6 +16,7 @@ from drive_layouts import (
     write_scan,
     write_text,
 )
+from nuscenes_writer import write_scene
 from scanned_room import scanned_room
 
 from intervis.drives import open_drive
@@ -170,6 +171,19 @@ def ptx() -> str:
     return head.format("1 2") + rows + head.format("0 0") + rows
 
 
+def nuscenes(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        tables = write_scene(folder)
+        for path in folder.rglob("*.jpg"):  # written without content
+            path.unlink()
+        return tables.folder / f"{name}.json"
+
+    return Target(write, lambda folder: read_whole_drive(folder / "scene-0061"))
+
+
+NUSCENES_TABLES = ("scene", "sample", "sample_data", "ego_pose", "calibrated_sensor", "sensor")
+
+
 def image(name: str, save: Callable[[Path], None]) -> Target:
     def write(folder: Path) -> Path:
         root = write_kitti_object(folder, scans=(0,))
@@ -220,6 +234,7 @@ TARGETS = {
     "3dtk": stations_3dtk("scan001.3d"),
     "3dtk pose": stations_3dtk("scan001.pose"),
     "ptx": scan_file("0.ptx", ptx().encode()),
+    **{f"nuScenes {name}": nuscenes(name) for name in NUSCENES_TABLES},
     "png": image("000000.png", lambda path: write_png(path, 24, 16, grey=77)),
     "jpeg": image("000000.jpg", save_jpeg),
     "settings": Target(settings_file, lambda folder: Settings.from_toml(folder / "settings.toml")),

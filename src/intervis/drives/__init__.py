@@ -14,15 +14,16 @@ from intervis.drives import (
     kitti_odometry,
     kitti_raw,
     kitti_tracking,
+    nuscenes,
     ptx_stations,
     scan_folder,
     single_scan,
 )
 from intervis.drives.drive import Drive
-from intervis.drives.frame import Frame
+from intervis.drives.frame import Frame, ScannerScan
 from intervis.errors import DriveError
 
-__all__ = ["Drive", "Frame", "open_drive"]
+__all__ = ["Drive", "Frame", "ScannerScan", "open_drive"]
 
 
 class _Layout(NamedTuple):
@@ -38,6 +39,7 @@ _LAYOUTS = tuple(
         kitti_odometry,
         kitti_tracking,
         kitti_object,
+        nuscenes,
         scan_folder,
         ptx_stations,
     )
@@ -49,9 +51,10 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
 
     Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
     and SemanticKITTI (a sequence), KITTI tracking (``training/velodyne/NNNN``), KITTI object
-    (``training``), a folder of scans (optionally with ``poses.txt``; also a sequence of the
-    DynamicMap benchmark and stations of 3DTK), PTX files with stations, and a single ``.bin``,
-    ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read
+    (``training``), nuScenes (a scene's name below the folder of its tables), a folder of scans
+    (optionally with ``poses.txt``; also a sequence of the DynamicMap benchmark and stations of
+    3DTK), PTX files with stations, and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin``
+    (nuScenes), ``.ply`` or ``.3d``. Scans are read
     when their frames are accessed. No file is unpickled or executed.
 
     Parameters
@@ -93,6 +96,9 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
         given = Path(path)
     try:
         if "\0" in str(given) or not given.exists():
+            scene = None if "\0" in str(given) else nuscenes.find_scene(given)
+            if scene is not None:
+                return nuscenes.read_drive(scene.resolve(), camera)
             raise DriveError(f"there is nothing at {given}: check the path.")
         root = given.resolve()
         if root.is_file():

@@ -7,13 +7,14 @@ import operator
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.drives.calibration import CameraCalibration
-from intervis.drives.frame import Frame
+from intervis.drives.frame import Frame, ScannerScan
 from intervis.drives.regular_file import open_regular
 from intervis.drives.scan import Scan
 from intervis.drives.scan_file import read_scan
@@ -37,8 +38,8 @@ class Drive:
     name : str
         The folder's (or file's) name.
     layout : str
-        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``ptx_stations``,
-        ``scan_folder`` or ``single_scan``.
+        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``nuscenes``,
+        ``ptx_stations``, ``scan_folder`` or ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
         Files by frame number; a frame may have no image.
     camera_names : tuple of str
@@ -58,6 +59,10 @@ class Drive:
         which holds points in the scanner's frame.
     label_paths : mapping of int to Path
         Files with labels of points by frame number; a frame may have none.
+    scanner : str
+        Name of the scanner whose scans are the frames, where the drive has several.
+    read_other_scans : function of a frame number to tuple of ScannerScan, or None
+        Reads the scans of the other scanners at the moment of a frame.
     frame_numbers : tuple of int
         Numbers of the frames that have a scan, sorted.
     """
@@ -75,6 +80,8 @@ class Drive:
     metadata_files: tuple[Path, ...] = ()
     read: Callable[[int], Scan] | None = None
     label_paths: Mapping[int, Path] = field(default_factory=dict)
+    scanner: str = ""
+    read_other_scans: Callable[[int], tuple[ScannerScan, ...]] | None = None
     frame_numbers: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -164,6 +171,10 @@ class Drive:
             image_path=self.image_paths.get(number),
             scan_path=self.scan_paths[number],
             label_path=self.label_paths.get(number),
+            scanner=self.scanner,
+            read_other_scans=(
+                partial(self.read_other_scans, number) if self.read_other_scans else None
+            ),
         )
 
     def fingerprint(self) -> dict[str, Any]:

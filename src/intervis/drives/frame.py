@@ -3,7 +3,7 @@
 from __future__ import annotations  # help() shows the names of the array types
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,31 @@ from intervis.camera import Camera, default_viewpoint
 from intervis.drives.image_file import checked_image_size_px
 from intervis.drives.point_labels import read_labels
 from intervis.errors import DriveError, MissingExtraError
+
+
+@dataclass(frozen=True, eq=False)
+class ScannerScan:
+    """The scan of one scanner at the moment of a frame.
+
+    Attributes
+    ----------
+    name : str
+        The scanner's name, for example ``LIDAR_TOP``; empty where a drive has one scanner only.
+    points : (N, 3) float32 array
+        In this scanner's own frame, metres.
+    attributes : mapping of str to array
+        Further values of each point.
+    pose : (4, 4) float64 array or None
+        World from this scanner's frame, at the time of its scan.
+    timestamp_ns : int or None
+        Time of the scan, nanoseconds.
+    """
+
+    name: str
+    points: Float32Array = field(repr=False)
+    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict, repr=False)
+    pose: Float64Array | None = field(default=None, repr=False)
+    timestamp_ns: int | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,6 +68,10 @@ class Frame:
         The file that the points were read from.
     label_path : Path or None
         The file with labels of the points (SemanticKITTI).
+    scanner : str
+        Name of the scanner of `points`, where the drive has several.
+    read_other_scans : function, or None
+        Reads the scans of the other scanners: see `scans`.
 
     Examples
     --------
@@ -60,6 +89,8 @@ class Frame:
     image_path: Path | None = None
     scan_path: Path | None = None
     label_path: Path | None = None
+    scanner: str = ""
+    read_other_scans: Callable[[], tuple[ScannerScan, ...]] | None = None
 
     @property
     def timestamp_s(self) -> float | None:
@@ -83,6 +114,20 @@ class Frame:
         The camera's centre; the sensor's origin where the frame has no camera.
         """
         return default_viewpoint(self.camera, self.cam_from_velo)
+
+    @property
+    def scans(self) -> tuple[ScannerScan, ...]:
+        """The scans of all scanners at this moment, each in its own frame; `points` comes first.
+
+        Those of other scanners are read at each access.
+
+        Raises
+        ------
+        ScanError
+            The scan of another scanner cannot be read.
+        """
+        main = ScannerScan(self.scanner, self.points, self.attributes, self.pose, self.timestamp_ns)
+        return (main, *(self.read_other_scans() if self.read_other_scans else ()))
 
     @property
     def point_classes(self) -> NDArray[np.uint16] | None:

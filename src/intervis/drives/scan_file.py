@@ -108,10 +108,15 @@ def read_scan(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
     ending = scan_ending(path)
     if ending is None:
         raise ScanError(f"{path} is not a scan: its name must end in {' '.join(READERS)}.")
+    return reading(path, lambda file: READERS[ending](file, velo_from_file))
+
+
+def reading(path: Path, reader: Callable[[Path], Scan]) -> Scan:
+    """The scan that a reader makes of a file; what the system refuses becomes a `ScanError`."""
     try:
         if path.is_file() and path.stat().st_size == 0:
             raise ScanError(f"the scan {path} holds no points: the file is empty.")
-        return READERS[ending](path, velo_from_file)
+        return reader(path)
     except OSError as error:
         raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
 
