@@ -21,6 +21,9 @@ Criterion = Literal["elevation", "sight_angle", "sight_line"]
 MAX_TAU = 2**31 - 1
 """Greatest granularity: more returns than any scan has, and safe for 64-bit products with n_fov."""
 
+LONGEST_SHOWN = 80
+"""Letters of a wrong value or name that a message shows."""
+
 
 class Settings(BaseModel):
     """All settings of the method; the defaults are those that the measurements favour.
@@ -101,7 +104,7 @@ class Settings(BaseModel):
         """Validate the values; settings that are not given have their defaults."""
         for name in values:
             if name not in type(self).model_fields:
-                raise SettingsError(f"unknown setting {name!r}: {_suggestion(name)}")
+                raise SettingsError(f"unknown setting {_shown(name)}: {_suggestion(name)}")
         try:
             super().__init__(**values)
         except ValidationError as error:
@@ -165,4 +168,9 @@ def _suggestion(name: str) -> str:
 
 def _message(error: ValidationError) -> str:
     first = error.errors()[0]
-    return f"setting {first['loc'][0]!r}: {first['msg'].lower()}, got {first['input']!r}."
+    return f"setting {first['loc'][0]!r}: {first['msg'].lower()}, got {_shown(first['input'])}."
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]} ..."

@@ -198,6 +198,7 @@ def test_the_users_own_settings_are_not_replaced(more, drive, tmp_path, capsys):
         (["run", "{drive}", "--out", "{out}", "--settings", "{deep}"], "nested too deeply"),
         (["run", "{drive}", "--out", "{out}", "--settings", "{self}"], "unknown setting 'self'"),
         (["run", "{drive}", "--out", "{out}", "--settings", "{long}"], "not valid TOML"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{wide}"], "'xxx"),
         (["run", "{drive}", "--out", "{out}", "--viewpoint", "driver"], "or X,Y,Z in metres"),
         (["run", "{drive}", "--out", "{out}", "--viewpoint", "1,2"], "must be X,Y,Z in metres"),
         (["run", "{drive}", "--out", "{out}", "--viewpoint", "1,nan,2"], "three finite numbers"),
@@ -229,6 +230,7 @@ def test_a_wrong_request_is_a_one_line_message(words, said, drive, tmp_path, cap
     places["bad"].write_text("tau = = 3")
     places["wrong"].write_text("taw = 3")
     content = {"deep": "a = " + "[" * 9999, "self": "self = 1", "long": "tau = " + "9" * 5000}
+    content |= {"wide": "gate = '" + "x" * 5000 + "'"}
     for name, text in content.items():
         places[name] = tmp_path / f"{name}.toml"
         places[name].write_text(text)
@@ -239,6 +241,7 @@ def test_a_wrong_request_is_a_one_line_message(words, said, drive, tmp_path, cap
     assert len(lines) == 1, err
     assert lines[0].startswith("intervis: ")
     assert said.format(**places) in lines[0]
+    assert len(lines[0]) < 1000
     assert not list((tmp_path / "out").rglob("*")) if (tmp_path / "out").exists() else True
 
 

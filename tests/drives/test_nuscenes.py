@@ -252,6 +252,8 @@ def change(tables, table, nth, **values):
         ("ego_pose", {"translation": [1e300, 0, 0]}, "has no 3 numbers under 'translation'"),
         ("ego_pose", {"translation": [float("nan"), 0, 0]}, "has no 3 numbers under 'tran"),
         ("calibrated_sensor", {"sensor_token": 7}, "has no text under 'sensor_token'"),
+        ("sensor", {"channel": "two\nlines"}, "has a channel that is no name"),
+        ("sample_data", {"filename": "two\nlines"}, "names the invalid file"),
         ("sensor", {"channel": []}, "has no text under 'channel'"),
         ("scene", {"name": ...}, "has no text under 'name'"),
     ],
@@ -291,9 +293,10 @@ def test_a_table_that_is_none_is_told(tmp_path, name, content):
         open_drive(tmp_path)
 
 
-def test_a_scene_with_the_name_of_a_path_is_named_by_its_token(tmp_path):
+@pytest.mark.parametrize("name", ["../../outside", "two\nlines", "", "..", "a" * 2000])
+def test_a_scene_whose_name_is_none_is_named_by_its_token(tmp_path, name):
     tables = write_scene(tmp_path)
-    change(tables, "scene", 0, name="../../outside")
+    change(tables, "scene", 0, name=name)
     assert open_drive(tmp_path).name == "scene0"
 
 

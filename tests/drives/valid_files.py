@@ -3,10 +3,12 @@
 import io
 import struct
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from argoverse_writer import TIMES_NS, write_log
 from drive_layouts import (
     pose_line,
     write_kitti_object,
@@ -37,6 +39,7 @@ def read_whole_drive(root: Path) -> int:
     for frame in drive:
         count += len(frame.points) + len(repr(frame))
         _ = (frame.viewpoint_velo, frame.image, frame.point_classes, frame.timestamp_s)
+        count += sum(len(scan.points) for scan in frame.scans)
     return count + len(drive.fingerprint()["digest"])
 
 
@@ -181,6 +184,16 @@ def nuscenes(name: str) -> Target:
     return Target(write, lambda folder: read_whole_drive(folder / "scene-0061"))
 
 
+def argoverse(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        root = write_log(folder)
+        for path in root.rglob("*.jpg"):  # written without content
+            path.unlink()
+        return root / name
+
+    return Target(write, read_whole_drive)
+
+
 NUSCENES_TABLES = ("scene", "sample", "sample_data", "ego_pose", "calibrated_sensor", "sensor")
 
 
@@ -239,4 +252,11 @@ TARGETS = {
     "jpeg": image("000000.jpg", save_jpeg),
     "settings": Target(settings_file, lambda folder: Settings.from_toml(folder / "settings.toml")),
 }
+if find_spec("pyarrow"):  # extra argoverse
+    TARGETS |= {
+        "Argoverse sweep": argoverse(f"sensors/lidar/{TIMES_NS[1]}.feather"),
+        "Argoverse poses": argoverse("city_SE3_egovehicle.feather"),
+        "Argoverse places": argoverse("calibration/egovehicle_SE3_sensor.feather"),
+        "Argoverse intrinsics": argoverse("calibration/intrinsics.feather"),
+    }
 """Targets by name."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from intervis.drives import (
+    argoverse,
     kitti_object,
     kitti_odometry,
     kitti_raw,
@@ -40,6 +41,7 @@ _LAYOUTS = tuple(
         kitti_tracking,
         kitti_object,
         nuscenes,
+        argoverse,
         scan_folder,
         ptx_stations,
     )

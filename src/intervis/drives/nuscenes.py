@@ -10,7 +10,6 @@ is a key frame or not. The files of nuScenes have x right, y forward; those of o
 axes. Points are turned by whole right angles into x forward, y left, z up of the vehicle.
 """
 
-import itertools
 import logging
 from bisect import bisect_left
 from collections import defaultdict
@@ -36,8 +35,9 @@ from intervis.drives.nuscenes_tables import (
 )
 from intervis.drives.scan import Scan
 from intervis.drives.scan_file import read_nuscenes, reading
+from intervis.drives.vehicle_axes import sensor_from_velo
 from intervis.errors import CalibrationError, CameraError, DriveError
-from intervis.transform import inverse, rigid
+from intervis.transform import inverse
 
 log = logging.getLogger(__name__)
 
@@ -106,10 +106,19 @@ def _scenes(folder: Path) -> dict[str, str]:
     """Tokens of scenes by name."""
     table = folder / "scene.json"
     scenes = {}
-    for token, record in read_table(folder, "scene").items():
-        name = text_of(table, record, "name")
-        scenes[token if "/" in name or name in ("", ".", "..") or "\0" in name else name] = token
+    for nth, (token, record) in enumerate(read_table(folder, "scene").items()):
+        names = (text_of(table, record, "name"), token, f"scene {nth}")
+        scenes[next(name for name in names if _may_name_a_drive(name))] = token
     return scenes
+
+
+def _may_name_a_drive(name: str) -> bool:
+    return (
+        name.isprintable()
+        and "/" not in name
+        and name not in ("", ".", "..")
+        and len(name) <= LONGEST_NAME
+    )
 
 
 # --- reading a scene ---
@@ -174,6 +183,8 @@ def _channels(folder: Path, scene_token: str) -> dict[str, tuple[str, _Channel]]
         sensor_of = _record_of(folder, calibrated, record, "calibrated_sensor")
         sensor = _record_of(folder, sensors, sensor_of, "sensor")
         channel = text_of(folder / "sensor.json", sensor, "channel")
+        if not _may_name_a_drive(channel):
+            raise CalibrationError(f"{folder / 'sensor.json'} has a channel that is no name.")
         modality[channel] = text_of(folder / "sensor.json", sensor, "modality")
         if modality[channel] not in ("lidar", "camera"):
             continue
@@ -211,6 +222,7 @@ def _file(folder: Path, name: str) -> Path:
         not parts
         or "\0" in name
         or len(name) > LONGEST_NAME
+        or not name.isprintable()
         or ".." in parts
         or Path(name).is_absolute()
     ):
@@ -224,35 +236,13 @@ def _file(folder: Path, name: str) -> Path:
 # --- scanners ---
 
 
-def _axes(ego_from_sensor: Float64Array) -> Float64Array:
-    """(4, 4) rotation by right angles, sensor_from_velo, that brings axes nearest the vehicle's.
-
-    Examples
-    --------
-    >>> x_right = rigid([[0, 1, 0], [-1, 0, 0], [0, 0, 1]], np.zeros(3))  # ego_from_sensor
-    >>> (np.linalg.inv(_axes(x_right)) @ [2, 5, 1, 1]).tolist()  # 2 m right, 5 m ahead
-    [5.0, -2.0, 1.0, 1.0]
-    """
-    best = max(_RIGHT_ANGLES, key=lambda axes: np.trace(ego_from_sensor[:3, :3] @ axes))
-    return rigid(best, np.zeros(3))
-
-
-_RIGHT_ANGLES = [
-    rotation
-    for order in itertools.permutations(range(3))
-    for signs in itertools.product((1.0, -1.0), repeat=3)
-    if np.linalg.det(rotation := np.eye(3)[list(order)] * signs) > 0
-]
-"""The 24 rotations by right angles."""
-
-
 def _world_from_velo(sweep: _Sweep) -> Float64Array:
-    sensor_from_velo = _axes(sweep.ego_from_sensor)
-    return sweep.world_from_ego @ sweep.ego_from_sensor @ sensor_from_velo
+    axes = sensor_from_velo(sweep.ego_from_sensor)
+    return sweep.world_from_ego @ sweep.ego_from_sensor @ axes
 
 
 def _read(sweep: _Sweep) -> Scan:
-    velo_from_sensor = _axes(sweep.ego_from_sensor).T
+    velo_from_sensor = sensor_from_velo(sweep.ego_from_sensor).T
     return reading(sweep.path, partial(read_nuscenes, velo_from_file=velo_from_sensor))
 
 

@@ -97,9 +97,8 @@ def coordinates(path: Path, table: NDArray[Any]) -> tuple[list[str], NDArray[Any
     axes = [axis if axis in names else axis.upper() for axis in "xyz"]
     missing = [axis.lower() for axis in axes if axis not in names]
     if missing:
-        raise ScanError(
-            f"the scan {path} has no {' '.join(missing)}: its fields are {' '.join(names)[:200]}."
-        )
+        shown = " ".join(" ".join(names).split())[:200]
+        raise ScanError(f"the scan {path} has no {' '.join(missing)}: its fields are {shown}.")
     with np.errstate(invalid="ignore"):  # casting a signalling NaN
         return axes, np.column_stack([table[axis] for axis in axes])
 
