@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from intervis.drives import (
     argoverse,
+    e57_stations,
     kitti_object,
     kitti_odometry,
     kitti_raw,
@@ -44,8 +45,16 @@ _LAYOUTS = tuple(
         argoverse,
         scan_folder,
         ptx_stations,
+        e57_stations,
     )
 )
+
+
+_STATION_FILES: dict[str, Callable[[Path, str | None], Drive]] = {
+    ptx_stations.ENDING: ptx_stations.read_drive,
+    e57_stations.ENDING: e57_stations.read_drive,
+}
+"""Readers of files that hold several scans, by the ending of the file's name."""
 
 
 def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Drive:
@@ -53,10 +62,10 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
 
     Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
     and SemanticKITTI (a sequence), KITTI tracking (``training/velodyne/NNNN``), KITTI object
-    (``training``), nuScenes (a scene's name below the folder of its tables), a folder of scans
-    (optionally with ``poses.txt``; also a sequence of the DynamicMap benchmark and stations of
-    3DTK), PTX files with stations, and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin``
-    (nuScenes), ``.ply`` or ``.3d``. Scans are read
+    (``training``), nuScenes (a scene's name below the folder of its tables), Argoverse 2 (a log),
+    a folder of scans (optionally with ``poses.txt``; also a sequence of the DynamicMap benchmark
+    and stations of 3DTK), PTX and E57 files with stations, and a single ``.bin``, ``.npy``,
+    ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read
     when their frames are accessed. No file is unpickled or executed.
 
     Parameters
@@ -104,9 +113,8 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
             raise DriveError(f"there is nothing at {given}: check the path.")
         root = given.resolve()
         if root.is_file():
-            if root.name.lower().endswith(ptx_stations.ENDING):
-                return ptx_stations.read_drive(root, camera)
-            return single_scan.read_drive(root, camera)
+            read_file = _STATION_FILES.get(root.suffix.lower(), single_scan.read_drive)
+            return read_file(root, camera)
         return _open_folder(root, camera)
     except OSError as error:
         raise DriveError(f"cannot read {error.filename or given}: {error.strerror}.") from None

@@ -39,7 +39,7 @@ class Drive:
         The folder's (or file's) name.
     layout : str
         ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``nuscenes``,
-        ``argoverse``, ``ptx_stations``, ``scan_folder`` or ``single_scan``.
+        ``argoverse``, ``e57_stations``, ``ptx_stations``, ``scan_folder`` or ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
         Files by frame number; a frame may have no image.
     camera_names : tuple of str

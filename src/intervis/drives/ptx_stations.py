@@ -88,6 +88,8 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     if camera is not None:
         raise DriveError(f"{root} has no camera {camera!r}: PTX files hold stations alone.")
     paths = [root] if root.is_file() else _files(root)
+    if root.is_dir() and any(path.suffix.lower() == ".e57" for path in root.iterdir()):
+        raise DriveError(f"{root} holds stations in PTX and in E57; give the path of one file.")
     stations = [station for path in paths for station in read_stations(path)]
     poses = {
         number: station.world_from_velo
