@@ -2,12 +2,14 @@
 
 import itertools
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scanned_room import scanned_room
 
 from intervis.drives.float_columns import TURN_DEG, azimuth_step_deg
+from intervis.drives.scan import scan_of_rows
 from intervis.drives.scan_file import read_scan
 from intervis.errors import ScanError
 
@@ -346,7 +348,9 @@ def test_a_sweep_under_another_name_is_read_as_what_it_is(tmp_path, caplog):
     five, four = columns(points, *extra_columns(len(points), 2)), columns(points, points[:, 0])
     assert not caplog.records
     for name, rows in (("a.pcd.bin", five), ("a.bin", five), ("b.pcd.bin", four)):
-        assert np.array_equal(read_bytes(tmp_path, name, rows.tobytes()).points, rows[:, :3])
+        x, y, z = rows[:, :3].T
+        expected = np.column_stack([y, -x, z] if ".pcd" in name else [x, y, z])
+        assert np.array_equal(read_bytes(tmp_path, name, rows.tobytes()).points, expected)
     assert len(caplog.records) == 2
 
 
@@ -357,3 +361,14 @@ def test_every_width_is_tried_on_every_room():
         values = columns(points, *extra_columns(len(points), right - 3)).ravel()
         regular = azimuth_step_deg(values, wrong) < TURN_DEG
         assert regular == (wrong % right == 0)
+
+
+def test_a_turn_by_right_angles_changes_no_bit_and_spreads_no_nan():
+    rows = np.array([[1e-30, np.nan, 3], [np.inf, -0.1, 7]], np.float32)
+    turn = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    points = scan_of_rows(Path("a"), rows, (), turn).points
+    expected = np.column_stack([rows[:, 2], -rows[:, 0], -rows[:, 1]])
+    assert np.array_equal(points, expected, equal_nan=True)
+    turn[0, 3] = 2  # with a translation it is a motion as any other
+    moved = scan_of_rows(Path("a"), np.array([[1.0, 2, 3]]), (), turn).points
+    assert moved.tolist() == [[5, -1, -2]]

@@ -1,6 +1,7 @@
 """PCD files that state the scanner's pose: the data tells where it stood, in both conventions."""
 
 import logging
+import re
 
 import numpy as np
 import pytest
@@ -64,6 +65,16 @@ def test_points_that_do_not_tell_are_taken_in_the_scanners_frame(tmp_path, caplo
     assert np.allclose(frame.points, points, atol=1e-5)
     assert "do not show whether" in caplog.text
     assert frame.pose[0, 3] == 0.1
+
+
+def test_a_map_that_is_no_scan_is_told_with_its_share(tmp_path, caplog):
+    """Points of a block of ground and air, seen from its middle: most stand behind others."""
+    block = np.random.default_rng(2).uniform(-30, 30, (600_000, 3))
+    open_drive(write_pcd(tmp_path / "a.pcd", block + 100, viewpoint((100, 100, 100))))
+    assert re.search(r"[5-9]\d % of the points in .*a\.pcd are hidden by others", caplog.text)
+    caplog.clear()
+    open_drive(write_pcd(tmp_path / "b.pcd", scanned_room() + 100, viewpoint((100, 100, 100))))
+    assert "are hidden" not in caplog.text
 
 
 @pytest.mark.parametrize("words", ["0 0 0 1 0 0 0", "0 0 0 2 0 0 0", "-0 0 0 -1 0 0 0"])

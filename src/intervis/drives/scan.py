@@ -112,10 +112,23 @@ def _scan(
     if len(xyz) == 0:
         raise ScanError(f"the scan {path} holds no points.")
     if velo_from_file is not None:
-        with np.errstate(invalid="ignore", over="ignore"):
-            xyz = transform(velo_from_file, xyz)
+        xyz = _moved(velo_from_file, xyz)
     columns = {name: np.ascontiguousarray(column) for name, column in others.items()}
     return Scan(_float32(path, xyz), columns)
+
+
+def _moved(velo_from_file: Float64Array, xyz: NDArray[Any]) -> NDArray[Any]:
+    """Points after a motion; a turn by right angles exchanges coordinates and changes no bit."""
+    rotation = velo_from_file[:3, :3]
+    signs = rotation.sum(axis=1)
+    is_exchange = np.array_equal(np.abs(rotation).sum(axis=0), np.ones(3)) and np.array_equal(
+        np.abs(signs), np.ones(3)
+    )
+    if is_exchange and not velo_from_file[:3, 3].any():
+        order = np.abs(rotation).argmax(axis=1)
+        return np.where(signs < 0, -xyz[:, order], xyz[:, order])
+    with np.errstate(invalid="ignore", over="ignore"):
+        return transform(velo_from_file, xyz)
 
 
 def _float32(path: Path, xyz: NDArray[Any]) -> Float32Array:

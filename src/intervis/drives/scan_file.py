@@ -17,6 +17,9 @@ from intervis.errors import ScanError
 
 log = logging.getLogger(__name__)
 
+X_RIGHT = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+"""file_from_velo of nuScenes' scanner: ahead is the file's y, left its -x."""
+
 
 def read_bin(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
     """Read a KITTI scan: x, y, z and intensity of each point as little-endian float32.
@@ -33,8 +36,12 @@ def read_bin(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
 
 
 def read_nuscenes(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
-    """Read a nuScenes sweep: x, y, z, intensity and ring as little-endian float32."""
-    return _read_float32_rows(path, 5, velo_from_file)
+    """Read a nuScenes sweep: x, y, z, intensity and ring as little-endian float32.
+
+    Its x looks right and its y forward. Unless another motion is given, the points are turned into
+    x forward, y left.
+    """
+    return _read_float32_rows(path, 5, X_RIGHT.T if velo_from_file is None else velo_from_file)
 
 
 def read_npy(path: Path, velo_from_file: Float64Array | None = None) -> Scan:

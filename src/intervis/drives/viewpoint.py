@@ -7,7 +7,7 @@ angles, and no return hides another.
 """
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +30,9 @@ HIDDEN_M = 1.0
 
 REGULAR = 0.6
 """Spread of the logarithm of angular steps up to which a scan is in the order of its beams."""
+
+MOST_HIDDEN = 0.5
+"""Share of hidden points beyond which a warning says that they are no scan from their place."""
 
 WITNESSES = 3
 """Scans of a folder that are read to find the frame of the points."""
@@ -198,26 +201,37 @@ def stated_poses(
 def _in_world(paths: Mapping[int, Path], poses: Mapping[int, Float64Array]) -> bool:
     """Whether points are in the world, by the scans with the most telling poses; logs it."""
     by_distance = sorted(poses, key=lambda number: -np.linalg.norm(poses[number][:3, 3]))
-    votes = list(_votes(paths, poses, by_distance))
+    seen = list(_witnesses(paths, poses, by_distance))
+    votes = [at_pose for at_pose, _ in seen if at_pose is not None]
+    in_world = sum(votes) * 2 > len(votes)
     if not votes:
         log.warning(
             "the points in %s do not show whether they are in the scanner's frame or in that of"
             " their VIEWPOINT: the scanner's frame is assumed.",
             _folder(paths),
         )
-        return False
-    in_world = sum(votes) * 2 > len(votes)
-    log.info(
-        "the points in %s are in the frame %s, as their own visibility shows.",
-        _folder(paths),
-        "of their VIEWPOINT: they are moved into the scanner's" if in_world else "of the scanner",
-    )
+    else:
+        log.info(
+            "the points in %s are in the frame %s, as their own visibility shows.",
+            _folder(paths),
+            "of their VIEWPOINT: they are moved into the scanner's"
+            if in_world
+            else "of the scanner",
+        )
+    hidden = max((shares[in_world] for _, shares in seen), default=0.0)
+    if hidden > MOST_HIDDEN:
+        log.warning(
+            "%.0f %% of the points in %s are hidden by others from where the scanner is said to"
+            " have stood: they are no scan from there.",
+            *(100 * hidden, _folder(paths)),
+        )
     return in_world
 
 
-def _votes(
+def _witnesses(
     paths: Mapping[int, Path], poses: Mapping[int, Float64Array], numbers: Iterable[int]
-) -> Iterable[bool]:
+) -> Iterator[tuple[bool | None, tuple[float, float]]]:
+    """Of a few scans: whether the scanner stood at its pose; shares hidden from origin and pose."""
     given = 0
     for number in numbers:
         position = poses[number][:3, 3]
@@ -228,9 +242,8 @@ def _votes(
         except (DriveError, OSError):
             continue
         given += 1
-        at_pose = stands_at_pose(points, position)
-        if at_pose is not None:
-            yield at_pose
+        shares = (hidden_share(points, np.zeros(3)), hidden_share(points, position))
+        yield stands_at_pose(points, position), shares
 
 
 def _folder(paths: Mapping[int, Path]) -> Path:
