@@ -157,6 +157,19 @@ def test_places_that_are_none_are_told(tmp_path, changes, message):
         open_drive(tmp_path)
 
 
+def test_texts_whose_offsets_lead_out_of_the_file_are_told(tmp_path):
+    """Found by fuzzing: the process was ended."""
+    write_log(tmp_path)
+    path = tmp_path / "calibration/egovehicle_SE3_sensor.feather"
+    content = path.read_bytes()
+    ends = np.array([17, 25, 35], "<i4")  # of the three names, one after the other
+    assert ends.tobytes() in content
+    damaged = np.array([17, 0x7F000019, 35], "<i4").tobytes()
+    path.write_bytes(content.replace(ends.tobytes(), damaged))
+    with pytest.raises(CalibrationError, match="is not a readable Feather file"):
+        open_drive(tmp_path)
+
+
 @pytest.mark.parametrize("content", [b"", b"ARROW1", b"not a table" * 9])
 def test_a_sweep_that_is_no_table_fails_alone(tmp_path, content):
     write_log(tmp_path)

@@ -151,7 +151,10 @@ def _read_feather(path: Path, kind: type[DriveError]) -> NDArray[Any]:
         raise MissingExtraError("pyarrow", "argoverse", "Reading Argoverse 2") from None
     try:
         with open_regular(path) as file:
-            table = feather.read_table(file, memory_map=False)
+            # In this thread, where an exception can be caught; and checked, as damaged offsets of
+            # texts would otherwise be followed out of the file.
+            table = feather.read_table(file, memory_map=False, use_threads=False)
+        table.validate(full=True)
         columns = {name: np.asarray(table[name].combine_chunks()) for name in table.column_names}
     except FileNotFoundError:
         raise kind(f"the file {path} is missing.") from None
