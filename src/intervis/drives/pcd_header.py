@@ -12,6 +12,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from intervis.errors import ScanError
+
 LONGEST_HEADER = 200
 """Lines after which a header without its last line is rejected."""
 
@@ -28,8 +30,8 @@ KINDS = {
 ENCODINGS = ("ascii", "binary", "binary_compressed")
 
 
-class PcdError(Exception):
-    """An invalid PCD file; the message is the end of a sentence."""
+class PcdError(ScanError):
+    """An invalid PCD file; the message is the end of a sentence, which `pcd_file` begins."""
 
 
 @dataclass(frozen=True)
