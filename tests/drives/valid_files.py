@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from argoverse_writer import TIMES_NS, write_log
+from argoverse_writer import TIMES_NS, motions, write_log, write_table
 from drive_layouts import (
     pose_line,
     write_kitti_object,
@@ -20,7 +20,9 @@ from drive_layouts import (
 )
 from nuscenes_writer import write_scene
 from scanned_room import scanned_room
+from scipy.spatial.transform import Rotation
 
+from intervis.drives import nuscenes as nuscenes_layout
 from intervis.drives import open_drive
 from intervis.settings import Settings
 
@@ -39,6 +41,7 @@ def read_whole_drive(root: Path) -> int:
     for frame in drive:
         count += len(frame.points) + len(repr(frame))
         _ = (frame.viewpoint_velo, frame.image, frame.point_classes, frame.timestamp_s)
+        count += len(frame.boxes)
         count += sum(len(scan.points) for scan in frame.scans)
     return count + len(drive.fingerprint()["digest"])
 
@@ -177,11 +180,28 @@ def ptx() -> str:
 def nuscenes(name: str) -> Target:
     def write(folder: Path) -> Path:
         tables = write_scene(folder)
+        sample = tables.tables["sample"][0]["token"]
+        tables.tables |= {"sample_annotation": [], "instance": [], "category": []}
+        category = tables.add("category", name="vehicle.car")
+        tables.add(
+            "sample_annotation",
+            sample_token=sample,
+            instance_token=tables.add("instance", category_token=category),
+            translation=[100, 205, 1],
+            rotation=[0.9, 0, 0, 0.1],
+            size=[1.8, 4.5, 1.5],
+            num_lidar_pts=17,
+        )
+        tables.write()
         for path in folder.rglob("*.jpg"):  # written without content
             path.unlink()
         return tables.folder / f"{name}.json"
 
-    return Target(write, lambda folder: read_whole_drive(folder / "scene-0061"))
+    def read(folder: Path) -> int:
+        nuscenes_layout._annotations.cache_clear()
+        return read_whole_drive(folder / "scene-0061")
+
+    return Target(write, read)
 
 
 def argoverse(name: str) -> Target:
@@ -189,12 +209,45 @@ def argoverse(name: str) -> Target:
         root = write_log(folder)
         for path in root.rglob("*.jpg"):  # written without content
             path.unlink()
+        still = (Rotation.identity(), [0, 0, 0])
+        write_table(
+            root / "annotations.feather",
+            timestamp_ns=np.array(TIMES_NS),
+            track_uuid=["a", "b"],
+            category=["BICYCLE", "DOG"],
+            length_m=[1.6, 0.8],
+            width_m=[0.5, 0.3],
+            height_m=[1.25, 0.6],
+            num_interior_pts=[24, 0],
+            **motions(still, still),
+        )
         return root / name
 
     return Target(write, read_whole_drive)
 
 
-NUSCENES_TABLES = ("scene", "sample", "sample_data", "ego_pose", "calibrated_sensor", "sensor")
+NUSCENES_TABLES = (
+    "scene",
+    "sample",
+    "sample_data",
+    "ego_pose",
+    "calibrated_sensor",
+    "sensor",
+    "sample_annotation",
+    "instance",
+    "category",
+)
+
+
+LABEL = "Car 0.00 0 1.85 387 181 423 203 1.5 1.6 4 2 1.7 10 1.57"
+
+
+def kitti_labels() -> Target:
+    def write(folder: Path) -> Path:
+        root = write_kitti_object(folder, scans=(0, 1))
+        return write_text(root / "label_2/000000.txt", f"{LABEL}\nDontCare -1 -1 -10\n{LABEL}\n")
+
+    return Target(write, read_whole_drive)
 
 
 def image(name: str, save: Callable[[Path], None]) -> Target:
@@ -243,6 +296,8 @@ TARGETS = {
     "labels": odometry("labels/000001.label"),
     "tracking calibration": tracking("calib/0000.txt", ""),
     "tracking oxts": tracking("oxts/0000.txt", "48.1 8.2 100.5 0.1 0.2 0.3\n"),
+    "object labels": kitti_labels(),
+    "tracking labels": tracking("label_02/0000.txt", f"0 3 {LABEL}\n0 -1 {LABEL}\n1 3 {LABEL}\n"),
     "object calibration": kitti_object("calib/000000.txt"),
     "3dtk": stations_3dtk("scan001.3d"),
     "3dtk pose": stations_3dtk("scan001.pose"),
@@ -257,6 +312,7 @@ if find_spec("pyarrow"):  # extra argoverse
         "Argoverse sweep": argoverse(f"sensors/lidar/{TIMES_NS[1]}.feather"),
         "Argoverse poses": argoverse("city_SE3_egovehicle.feather"),
         "Argoverse places": argoverse("calibration/egovehicle_SE3_sensor.feather"),
+        "Argoverse annotations": argoverse("annotations.feather"),
         "Argoverse intrinsics": argoverse("calibration/intrinsics.feather"),
     }
 """Targets by name."""

@@ -21,11 +21,12 @@ from intervis.drives import (
     scan_folder,
     single_scan,
 )
+from intervis.drives.boxes import Box
 from intervis.drives.drive import Drive
 from intervis.drives.frame import Frame, ScannerScan
 from intervis.errors import DriveError
 
-__all__ = ["Drive", "Frame", "ScannerScan", "open_drive"]
+__all__ = ["Box", "Drive", "Frame", "ScannerScan", "open_drive"]
 
 
 class _Layout(NamedTuple):

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
+from intervis.drives.boxes import Box
 from intervis.drives.calibration import CameraCalibration
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
@@ -92,6 +93,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         world_from_ego = trajectory.at(time_ns) if trajectory else None
         if world_from_ego is not None:
             poses[number] = world_from_ego
+    annotations = root / "annotations.feather"
     cameras = _cameras(root, places)
     chosen = _pick_camera(camera, cameras, root)
     images = _times(root / "sensors" / "cameras" / chosen, ".jpg", ".png") if chosen else {}
@@ -129,6 +131,11 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         read=reader,
         scanner="up_lidar",
         read_other_scans=_OtherScans(reader, tuple(time_ns for time_ns, _ in sweeps)),
+        read_boxes=_Boxes(
+            annotations, reader.ego_from_velo("up_lidar"), tuple(time_ns for time_ns, _ in sweeps)
+        )
+        if annotations.is_file()
+        else None,
     )
 
 
@@ -314,6 +321,43 @@ class _OtherScans:
         pose = self.sweeps.pose("down_lidar", number)
         time_ns = self.times_ns[number]
         return (ScannerScan("down_lidar", scan.points, scan.attributes, pose, time_ns),)
+
+
+# --- boxes ---
+
+
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """Reads the annotations of a sweep; they stand in the vehicle's frame."""
+
+    path: Path
+    ego_from_velo: Float64Array
+    times_ns: tuple[int, ...]
+
+    def __call__(self, number: int) -> tuple[Box, ...]:
+        rows = _read_feather(self.path, CalibrationError)
+        names = rows.dtype.names or ()
+        missing = [name for name in ("timestamp_ns", "track_uuid", "category") if name not in names]
+        if missing:
+            raise CalibrationError(f"{self.path} has no column {' '.join(missing)}.")
+        if rows["timestamp_ns"].dtype.kind != "i":
+            raise CalibrationError(f"{self.path} has no times in whole nanoseconds.")
+        rows = rows[rows["timestamp_ns"] == self.times_ns[number]]
+        sizes_m = _numbers(self.path, rows, "length_m", "width_m", "height_m")
+        velo_from_ego = inverse(self.ego_from_velo)
+        counts = rows["num_interior_pts"].tolist() if "num_interior_pts" in names else []
+        return tuple(
+            Box(
+                velo_from_ego @ ego_from_box,
+                size_m,
+                str(row["category"]),
+                str(row["track_uuid"]),
+                counts[nth] if counts and isinstance(counts[nth], int) else None,
+            )
+            for nth, (row, ego_from_box, size_m) in enumerate(
+                zip(rows, _motions(self.path, rows), sizes_m, strict=True)
+            )
+        )
 
 
 # --- cameras ---

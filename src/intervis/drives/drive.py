@@ -13,6 +13,7 @@ from typing import Any
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
+from intervis.drives.boxes import Box
 from intervis.drives.calibration import CameraCalibration
 from intervis.drives.frame import Frame, ScannerScan
 from intervis.drives.regular_file import open_regular
@@ -63,6 +64,8 @@ class Drive:
         Name of the scanner whose scans are the frames, where the drive has several.
     read_other_scans : function of a frame number to tuple of ScannerScan, or None
         Reads the scans of the other scanners at the moment of a frame.
+    read_boxes : function of a frame number to tuple of Box, or None
+        Reads the boxes of the objects at the moment of a frame.
     frame_numbers : tuple of int
         Numbers of the frames that have a scan, sorted.
     """
@@ -82,6 +85,7 @@ class Drive:
     label_paths: Mapping[int, Path] = field(default_factory=dict)
     scanner: str = ""
     read_other_scans: Callable[[int], tuple[ScannerScan, ...]] | None = None
+    read_boxes: Callable[[int], tuple[Box, ...]] | None = None
     frame_numbers: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -175,6 +179,7 @@ class Drive:
             read_other_scans=(
                 partial(self.read_other_scans, number) if self.read_other_scans else None
             ),
+            read_boxes=partial(self.read_boxes, number) if self.read_boxes else None,
         )
 
     def fingerprint(self) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float32Array, Float64Array
 from intervis.camera import Camera, default_viewpoint
+from intervis.drives.boxes import Box
 from intervis.drives.image_file import checked_image_size_px
 from intervis.drives.point_labels import read_labels
 from intervis.errors import DriveError, MissingExtraError
@@ -72,6 +73,8 @@ class Frame:
         Name of the scanner of `points`, where the drive has several.
     read_other_scans : function, or None
         Reads the scans of the other scanners: see `scans`.
+    read_boxes : function, or None
+        Reads the boxes of the objects: see `boxes`.
 
     Examples
     --------
@@ -91,6 +94,7 @@ class Frame:
     label_path: Path | None = None
     scanner: str = ""
     read_other_scans: Callable[[], tuple[ScannerScan, ...]] | None = None
+    read_boxes: Callable[[], tuple[Box, ...]] | None = None
 
     @property
     def timestamp_s(self) -> float | None:
@@ -128,6 +132,17 @@ class Frame:
         """
         main = ScannerScan(self.scanner, self.points, self.attributes, self.pose, self.timestamp_ns)
         return (main, *(self.read_other_scans() if self.read_other_scans else ()))
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """Boxes of the objects at this moment; read at each access, empty where there are none.
+
+        Raises
+        ------
+        CalibrationError
+            The labels cannot be read.
+        """
+        return self.read_boxes() if self.read_boxes else ()
 
     @property
     def point_classes(self) -> NDArray[np.uint16] | None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from intervis.drives.boxes import Box, kitti_boxes
 from intervis.drives.calibration import (
     CameraCalibration,
     pick_camera,
@@ -44,6 +45,10 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     names = _camera_names(calibrations, scans)
     chosen = pick_camera(camera, names, with_images, root)
     images = numbered_files(root / chosen, *IMAGE_ENDINGS) if chosen else {}
+    calibration_of = (
+        ObjectCalibrations(root / "calib", chosen, calibrations, images) if chosen else None
+    )
+    labels = numbered_files(root / "label_2", ".txt")
     return Drive(
         root=root,
         name=root.name,
@@ -52,9 +57,8 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         image_paths=images,
         camera_names=names,
         camera_name=chosen,
-        calibration=ObjectCalibrations(root / "calib", chosen, calibrations, images)
-        if chosen
-        else None,
+        calibration=calibration_of,
+        read_boxes=_Labels(labels, calibration_of) if calibration_of and labels else None,
         metadata_files=tuple(calibrations.values()),
         label_paths=label_files(scans),
     )
@@ -80,6 +84,19 @@ class ObjectCalibrations:
             key, {other: self.images[other] for other in nearest}, self.name
         )
         return CameraCalibration(camera, calibration.rect_from_velo())
+
+
+@dataclass(frozen=True)
+class _Labels:
+    """Reads the boxes of a frame."""
+
+    files: Mapping[int, Path]
+    calibration_of: ObjectCalibrations
+
+    def __call__(self, number: int) -> tuple[Box, ...]:
+        if number not in self.files:
+            return ()
+        return kitti_boxes(self.files[number], self.calibration_of(number).cam_from_velo, None)
 
 
 def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -> tuple[str, ...]:

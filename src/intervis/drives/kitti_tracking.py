@@ -6,9 +6,11 @@ given by the folder of its scans, ``training/velodyne/NNNN``.
 """
 
 import logging
+from dataclasses import dataclass
 from pathlib import Path
 
 from intervis.arrays import Float64Array
+from intervis.drives.boxes import Box, kitti_boxes
 from intervis.drives.calibration import (
     CalibrationFile,
     CameraCalibration,
@@ -68,6 +70,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         camera_calibration = CameraCalibration(
             calibration.camera(key, images, chosen), calibration.rect_from_velo()
         )
+    label_path = base / "label_02" / f"{sequence}.txt"
     poses, metadata_files = None, [calibration_path] if calibration else []
     if calibration and oxts_path.is_file():
         poses = _poses(oxts_path, calibration, list(scans))
@@ -84,7 +87,21 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         poses=poses,
         metadata_files=tuple(metadata_files),
         label_paths=label_files(scans),
+        read_boxes=_Labels(label_path, camera_calibration.cam_from_velo)
+        if camera_calibration and label_path.is_file()
+        else None,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Labels:
+    """Reads the boxes of a frame."""
+
+    path: Path
+    cam_from_velo: Float64Array
+
+    def __call__(self, number: int) -> tuple[Box, ...]:
+        return kitti_boxes(self.path, self.cam_from_velo, number)
 
 
 def _poses(

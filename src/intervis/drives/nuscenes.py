@@ -15,13 +15,14 @@ from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
+from intervis.drives.boxes import Box
 from intervis.drives.calibration import CameraCalibration
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
@@ -58,6 +59,8 @@ class _Sweep:
     time_ns: int
     world_from_ego: Float64Array
     ego_from_sensor: Float64Array
+    sample: str = ""
+    """Token of the sample whose key frame this is."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +169,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         read=_SceneReader(there),
         scanner=main.name,
         read_other_scans=_OtherScans(there, others) if others else None,
+        read_boxes=_Boxes(folder, there) if (folder / "sample_annotation.json").is_file() else None,
     )
 
 
@@ -194,11 +198,12 @@ def _channels(folder: Path, scene_token: str) -> dict[str, tuple[str, _Channel]]
             time_ns_of(table, record),
             pose_of(folder / "ego_pose.json", ego),
             pose_of(folder / "calibrated_sensor.json", sensor_of),
+            text_of(table, record, "sample_token") if record.get("is_key_frame") is True else "",
         )
         if modality[channel] == "camera":
             sweep = _CameraSweep(
                 *(sweep.path, sweep.time_ns, sweep.world_from_ego, sweep.ego_from_sensor),
-                _camera(folder, record, sensor_of, channel),
+                camera=_camera(folder, record, sensor_of, channel),
             )
         found[channel].append(sweep)
     return {
@@ -282,12 +287,64 @@ class _OtherScans:
         return tuple(scans)
 
 
+# --- boxes ---
+
+
+@dataclass(frozen=True)
+class _Boxes:
+    """Reads the annotations of the samples whose key frames the sweeps are."""
+
+    folder: Path
+    sweeps: Mapping[int, _Sweep]
+
+    def __call__(self, number: int) -> tuple[Box, ...]:
+        sweep = self.sweeps[number]
+        if not sweep.sample:
+            return ()
+        samples = frozenset(sweep.sample for sweep in self.sweeps.values() if sweep.sample)
+        velo_from_world = inverse(_world_from_velo(sweep))
+        return tuple(
+            _box(self.folder, record, category, velo_from_world)
+            for record, category in _annotations(self.folder, samples)[sweep.sample]
+        )
+
+
+@lru_cache(maxsize=1)
+def _annotations(folder: Path, samples: frozenset[str]) -> Mapping[str, list[tuple[Record, str]]]:
+    """Annotations with their categories, by sample: searched once for all frames of a scene."""
+    records = read_table(folder, "sample_annotation", "sample_token", samples.__contains__)
+    table = folder / "sample_annotation.json"
+    tokens = {text_of(table, record, "instance_token") for record in records.values()}
+    instances = read_table(folder, "instance", "token", tokens.__contains__)
+    categories = read_table(folder, "category")
+    found: dict[str, list[tuple[Record, str]]] = {sample: [] for sample in samples}
+    for record in records.values():
+        instance = _record_of(folder, instances, record, "instance")
+        category = _record_of(folder, categories, instance, "category")
+        name = text_of(folder / "category.json", category, "name")
+        found[text_of(table, record, "sample_token")].append((record, name))
+    return found
+
+
+def _box(folder: Path, record: Record, category: str, velo_from_world: Float64Array) -> Box:
+    table = folder / "sample_annotation.json"
+    width_m, length_m, height_m = numbers_of(table, record, "size", 3)
+    returns = record.get("num_lidar_pts")
+    return Box(
+        velo_from_world @ pose_of(table, record),
+        np.array([length_m, width_m, height_m]),
+        category,
+        text_of(table, record, "instance_token"),
+        returns if isinstance(returns, int) and returns >= 0 else None,  # Lyft has -1
+    )
+
+
 # --- cameras ---
 
 
 @dataclass(frozen=True)
 class _CameraSweep(_Sweep):
-    camera: Camera
+    camera: Camera | None = None
 
 
 def _camera(folder: Path, record: Record, sensor_of: Record, channel: str) -> Camera:
@@ -312,6 +369,7 @@ class _SceneCalibration:
         sweep = self.sweeps[number]
         image = self.images.nearest(sweep.time_ns)
         assert isinstance(image, _CameraSweep)
+        assert image.camera is not None
         world_from_cam = image.world_from_ego @ image.ego_from_sensor
         return CameraCalibration(image.camera, inverse(world_from_cam) @ _world_from_velo(sweep))
 
