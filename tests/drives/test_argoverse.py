@@ -186,6 +186,7 @@ def test_a_sweep_that_is_no_table_fails_alone(tmp_path, content):
     ("columns", "message"),
     [
         ({"x": [1.0]}, "has no y z"),
+        ({"x": [1.0], "": [1.0]}, "its columns have no or equal names"),
         ({"x": [1.0], "y": [1.0], "z": [1.0]}, "has no laser_number"),
         ({"x": [1.0], "y": [1.0], "z": [1.0], "laser_number": ["a"]}, "something else than num"),
         ({"x": [1.0], "y": [1.0], "z": [1.0], "laser_number": [40]}, "holds no points"),

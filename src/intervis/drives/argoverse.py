@@ -168,7 +168,7 @@ def _read_feather(path: Path, kind: type[DriveError]) -> NDArray[Any]:
     except Exception as error:  # pyarrow raises various types on damaged files
         reason = (str(error) or type(error).__name__).splitlines()[0][:200].rstrip(".")
         raise kind(f"{path} is not a readable Feather file: {reason}.") from None
-    if len(set(table.column_names)) != len(columns) or not columns:
+    if len(table.column_names) != len(columns) or not columns or "" in columns:
         raise kind(f"{path} is not a table of Argoverse 2: its columns have no or equal names.")
     rows = np.empty(table.num_rows, [(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
