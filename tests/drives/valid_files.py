@@ -226,6 +226,17 @@ def argoverse(name: str) -> Target:
     return Target(write, read_whole_drive)
 
 
+def e57_file(folder: Path) -> Path:
+    import pye57
+
+    path = folder / "0.e57"
+    file = pye57.E57(str(path), mode="w")
+    data = {f"cartesian{axis}": room()[:, nth] for nth, axis in enumerate("XYZ")}
+    file.write_scan_raw(data, rotation=np.array([1.0, 0, 0, 0]), translation=np.ones(3))
+    file.close()
+    return path
+
+
 NUSCENES_TABLES = (
     "scene",
     "sample",
@@ -315,4 +326,6 @@ if find_spec("pyarrow"):  # extra argoverse
         "Argoverse annotations": argoverse("annotations.feather"),
         "Argoverse intrinsics": argoverse("calibration/intrinsics.feather"),
     }
+if find_spec("pye57"):  # extra e57
+    TARGETS["e57"] = Target(e57_file, read_whole_drive)
 """Targets by name."""
