@@ -8,8 +8,9 @@ JOBS ?= 2
 TESTS ?=
 COUNT ?= 100
 SEED ?= 0
+FUZZ ?= 20000
 
-.PHONY: demo test test-slow lint types bench coverage mutants dist clean help
+.PHONY: demo test test-slow lint types bench coverage mutants fuzz dist clean help
 .DEFAULT_GOAL := help
 
 help:            ## the verbs
@@ -42,6 +43,9 @@ coverage: $(READY)  ## lines and branches that the tests run; TESTS="tests/metho
 
 mutants: $(READY) ## how many of COUNT small changes of the code the tests notice; goes on where it stopped
 	$(BIN)/python tools/mutants.py --count $(COUNT) --seed $(SEED) --jobs $(JOBS)
+
+fuzz: $(READY)    ## changed files for every reader: each is read, or refused in one sentence
+	$(BIN)/python tools/fuzz_readers.py --count $(FUZZ) --seed $(SEED) --jobs $(JOBS)
 
 bench: $(READY)   ## timings, as medians; never part of the tests
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only -p no:xdist

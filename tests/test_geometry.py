@@ -53,8 +53,11 @@ def test_the_default_viewpoint_is_the_centre_in_the_sensor_frame():
         ("fisheye", (10, 10), "matrix of numbers"),
         ([[1, 2], [3]], (10, 10), "matrix of numbers"),
         (PROJECTION * [[0], [1], [1]], (10, 10), "rank three"),
-        (PROJECTION, (0, 10), "must have pixels, got 0 x 10"),
-        (PROJECTION, (10, 0), "must have pixels, got 10 x 0"),
+        (PROJECTION, (0, 10), "must have 1 to 100000 pixels a side, got 0 x 10"),
+        (PROJECTION, (10, 0), "must have 1 to 100000 pixels a side, got 10 x 0"),
+        (PROJECTION, (10**9, 10), "got 1000000000 x 10"),
+        (PROJECTION, (np.nan, 10), "got nan x 10"),
+        (PROJECTION * 1e150, (10, 10), "entries up to 1e"),
     ],
 )
 def test_an_invalid_camera_is_refused(projection, size_px, message):

@@ -10,6 +10,12 @@ from intervis.arrays import Float64Array
 from intervis.errors import CameraError
 from intervis.transform import inverse, transform
 
+LONGEST_SIDE_PX = 100_000
+"""Pixels of a side of an image at most."""
+
+LARGEST = 1e12
+"""Entries of a projection at most: larger ones overflow in what is computed from them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Camera:
@@ -28,7 +34,8 @@ class Camera:
     Raises
     ------
     CameraError
-        The matrix is not 3x4, not finite or not of full rank, or the image has no pixels.
+        The matrix is not 3x4, not finite or not of full rank, or the image has no or too many
+        pixels.
 
     Examples
     --------
@@ -53,13 +60,15 @@ class Camera:
             raise CameraError(
                 f"a camera's projection must be a finite (3, 4) matrix, got shape {matrix.shape}."
             )
-        if np.linalg.matrix_rank(matrix[:, :3]) < 3:
+        if np.abs(matrix).max() > LARGEST or np.linalg.matrix_rank(matrix[:, :3]) < 3:
             raise CameraError(
-                "a camera's projection must have rank three; check its focal lengths."
+                f"a camera's projection must have rank three and entries up to {LARGEST:.0e};"
+                " check its focal lengths."
             )
-        if self.width_px < 1 or self.height_px < 1:
+        if not all(_is_side(side) for side in (self.width_px, self.height_px)):
             raise CameraError(
-                f"a camera's image must have pixels, got {self.width_px} x {self.height_px}."
+                f"a camera's image must have 1 to {LONGEST_SIDE_PX} pixels a side, got"
+                f" {self.width_px!r:.40} x {self.height_px!r:.40}."
             )
         matrix.setflags(write=False)
         object.__setattr__(self, "projection", matrix)
@@ -89,6 +98,10 @@ class Camera:
         """(3,) centre of projection in rectified coordinates: the point that projects to 0."""
         solved = np.linalg.solve(self.projection[:, :3], self.projection[:, 3])
         return np.asarray(-solved, dtype=np.float64)
+
+
+def _is_side(side_px: object) -> bool:
+    return isinstance(side_px, int | np.integer) and 1 <= int(side_px) <= LONGEST_SIDE_PX
 
 
 def default_viewpoint(camera: Camera | None, cam_from_velo: Float64Array | None) -> Float64Array:

@@ -21,6 +21,9 @@ Criterion = Literal["elevation", "sight_angle", "sight_line"]
 MAX_TAU = 2**31 - 1
 """Greatest granularity: more returns than any scan has, and safe for 64-bit products with n_fov."""
 
+LONGEST_SHOWN = 80
+"""Letters of a wrong value or name that a message shows."""
+
 
 class Settings(BaseModel):
     """All settings of the method; the defaults are those that the measurements favour.
@@ -97,11 +100,11 @@ class Settings(BaseModel):
     concave_boundary: ConcaveBoundary = "every"
     criterion: Criterion = "sight_angle"
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, /, **values: Any) -> None:
         """Validate the values; settings that are not given have their defaults."""
         for name in values:
             if name not in type(self).model_fields:
-                raise SettingsError(f"unknown setting {name!r}: {_suggestion(name)}")
+                raise SettingsError(f"unknown setting {_shown(name)}: {_suggestion(name)}")
         try:
             super().__init__(**values)
         except ValidationError as error:
@@ -112,7 +115,7 @@ class Settings(BaseModel):
         if self.tau != "auto" and self.tau > MAX_TAU:
             raise SettingsError(f"setting 'tau' must be at most {MAX_TAU}.")
 
-    def with_changes(self, **values: Any) -> Self:
+    def with_changes(self, /, **values: Any) -> Self:
         """A copy with some settings changed, validated again."""
         return type(self)(**{**self.model_dump(), **values})
 
@@ -126,11 +129,12 @@ class Settings(BaseModel):
             The file cannot be read, is not TOML, or has an unknown or invalid setting.
         """
         try:
-            values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            values = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
         except OSError as error:
             raise SettingsError(f"cannot read the settings {path}: {error.strerror}.") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise SettingsError(f"{path} is not valid TOML: {error}.") from None
+        except ValueError as error:  # also a whole number of more digits than Python reads
+            reason = str(error).split(";")[0].rstrip(".")
+            raise SettingsError(f"{path} is not valid TOML: {reason}.") from None
         except RecursionError:
             raise SettingsError(f"{path} is nested too deeply to be settings.") from None
         try:
@@ -164,4 +168,9 @@ def _suggestion(name: str) -> str:
 
 def _message(error: ValidationError) -> str:
     first = error.errors()[0]
-    return f"setting {first['loc'][0]!r}: {first['msg'].lower()}, got {first['input']!r}."
+    return f"setting {first['loc'][0]!r}: {first['msg'].lower()}, got {_shown(first['input'])}."
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]} ..."

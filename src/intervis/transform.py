@@ -43,7 +43,7 @@ def checked_pose(pose: ArrayLike, name: str = "pose") -> Float64Array:
         raise PoseError(f"{name} must have the shape (4, 4) or (3, 4), got {matrix.shape}.")
     if not np.isfinite(matrix).all():
         raise PoseError(f"{name} holds NaN or infinite entries.")
-    rotation = matrix[:3, :3]
+    rotation = np.clip(matrix[:3, :3], -1e9, 1e9)  # whatever is not near 1 is no rotation
     if (
         np.abs(rotation @ rotation.T - np.eye(3)).max() > ROTATION_TOLERANCE
         or np.linalg.det(rotation) < 0

@@ -195,6 +195,10 @@ def test_the_users_own_settings_are_not_replaced(more, drive, tmp_path, capsys):
         (["run", "{drive}", "--out", "{out}", "--settings", "{drive}/no.toml"], "cannot read"),
         (["run", "{drive}", "--out", "{out}", "--settings", "{bad}"], "not valid TOML"),
         (["run", "{drive}", "--out", "{out}", "--settings", "{wrong}"], "did you mean 'tau'?"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{deep}"], "nested too deeply"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{self}"], "unknown setting 'self'"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{long}"], "not valid TOML"),
+        (["run", "{drive}", "--out", "{out}", "--settings", "{wide}"], "'xxx"),
         (["run", "{drive}", "--out", "{out}", "--viewpoint", "driver"], "or X,Y,Z in metres"),
         (["run", "{drive}", "--out", "{out}", "--viewpoint", "1,2"], "must be X,Y,Z in metres"),
         (["run", "{drive}", "--out", "{out}", "--viewpoint", "1,nan,2"], "three finite numbers"),
@@ -225,6 +229,11 @@ def test_a_wrong_request_is_a_one_line_message(words, said, drive, tmp_path, cap
     (places["text"] / "notes.txt").write_text("hello")
     places["bad"].write_text("tau = = 3")
     places["wrong"].write_text("taw = 3")
+    content = {"deep": "a = " + "[" * 9999, "self": "self = 1", "long": "tau = " + "9" * 5000}
+    content |= {"wide": "gate = '" + "x" * 5000 + "'"}
+    for name, text in content.items():
+        places[name] = tmp_path / f"{name}.toml"
+        places[name].write_text(text)
     code = exit_code([word.format(**places) for word in words])
     err = capsys.readouterr().err
     lines = [line for line in err.splitlines() if not line.startswith("note: ")]
@@ -232,6 +241,7 @@ def test_a_wrong_request_is_a_one_line_message(words, said, drive, tmp_path, cap
     assert len(lines) == 1, err
     assert lines[0].startswith("intervis: ")
     assert said.format(**places) in lines[0]
+    assert len(lines[0]) < 1000
     assert not list((tmp_path / "out").rglob("*")) if (tmp_path / "out").exists() else True
 
 
@@ -457,3 +467,20 @@ def test_names_that_the_terminal_cannot_show_are_escaped(tmp_path):
     )
     assert missing.returncode == 2
     assert len(missing.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", ["run", "sight"])
+def test_names_that_a_terminal_would_obey_are_escaped(tmp_path, command):
+    """A folder's name may colour the terminal, or clear it: in messages, notes and results."""
+    folder = scan_folder(tmp_path / "a\x1b[31mred\x07\x9b")
+    (folder / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3)
+    words = {
+        "run": ["run", folder, "--out", tmp_path / "out", "--viewpoint", "start"],
+        "sight": ["sight", folder, "--from", "sensor", "--to", "5,0,0"],
+    }[command]
+    for path in (folder, Path(f"{folder}x")):
+        said = [str(path) if word == folder else str(word) for word in words]
+        done = subprocess.run([*PROGRAM, "--verbose", *said], capture_output=True, text=True)
+        for text in (done.stdout, done.stderr):
+            assert not set(text) & {"\x1b", "\x07", "\x9b"}
+    assert "a\\x1b[31mred\\x07\\x9bx" in done.stderr

@@ -51,7 +51,6 @@ def test_edges_of_the_scan_project_to_edges_of_the_image(shared_data, number):
 
 
 def test_pcd_drive(shared_data):
-    pytest.importorskip("pypcd4", reason="pypcd4 (extra pcd) is not installed")
     drive = open_drive(shared_data / "pcd_drive")
     assert drive.frame_numbers == tuple(range(22))
     assert drive.camera is None

@@ -3,6 +3,7 @@
 import dataclasses
 import errno
 import gc
+import io
 import json
 import os
 import re
@@ -264,7 +265,26 @@ def test_an_interruption_in_the_middle_of_a_file_leaves_no_part(tmp_path, monkey
     assert set(files_below(tmp_path)) == {"settings.toml", "summary.json", "frames/0000000000.npz"}
 
 
-@pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "foreign"])
+def bomb() -> bytes:
+    """A small archive that declares three arrays of 0.8 GB."""
+    buffer = io.BytesIO(archive(format=np.array(2), a=np.zeros(1), b=np.zeros(1), c=np.zeros(1)))
+    content = bytearray(buffer.getvalue())
+    place = content.find(b"PK\x01\x02")
+    while place >= 0:  # the size before compression stands at byte 24 of each directory entry
+        content[place + 24 : place + 28] = (800_000_000).to_bytes(4, "little")
+        place = content.find(b"PK\x01\x02", place + 1)
+    return bytes(content)
+
+
+def archive(**arrays) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    "damage", ["truncated", "flipped", "empty", "foreign", "several", "text", "array", "bomb"]
+)
 def test_a_damaged_frame_is_computed_again(tmp_path, damage):
     run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     path = frame_path(tmp_path, 1)
@@ -276,6 +296,12 @@ def test_a_damaged_frame_is_computed_again(tmp_path, damage):
             "flipped": whole[:middle] + bytes([whole[middle] ^ 0xFF]) + whole[middle + 1 :],
             "empty": b"",
             "foreign": b"not an archive",
+            "several": archive(format=np.array([2, 2])),
+            "text": archive(format=np.array("two")),
+            "array": archive(
+                format=np.array(2), number=np.array([1, 2]), measure_names=np.array(3)
+            ),
+            "bomb": bomb(),
         }[damage]
     )
     with pytest.raises(OutputError):
@@ -460,7 +486,7 @@ def test_frames_without_a_summary_are_refused(tmp_path):
         run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
 
 
-@pytest.mark.parametrize("content", ["{", "[1]", '{"tool": 1}', "\udcff"])
+@pytest.mark.parametrize("content", ["{", "[1]", '{"tool": 1}', "\udcff", "[" * 99999, "9" * 5000])
 def test_a_foreign_summary_is_refused(tmp_path, content):
     (tmp_path / "summary.json").write_bytes(content.encode(errors="surrogateescape"))
     with pytest.raises(OutputError, match="is not the summary of a run"):

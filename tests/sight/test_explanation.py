@@ -55,7 +55,7 @@ def answer(state, probability, clearance_m, blocker=(np.nan,) * 3):
             ["crossed less than 0.1 of its 5.0 m", "clears the nearest surface by less than 0.1 m"],
         ),
         (answer(UNKNOWN, np.nan, np.inf), 0.0, ["Unknown: the ends are too far apart"]),
-        (answer(OCCLUDED, 0.001, -0.3), 0.0, ["less than 1 %", "No single surface that a scan observed"]),
+        (answer(OCCLUDED, 0.001, -0.3), 0.0, ["less than 1 %", "No single surface"]),
         (answer(UNKNOWN, 0.6, 0.2), 0.1, ["Unknown: not decided", "60 %", "disagree"]),
         (
             answer(UNKNOWN, 0.95, np.inf),

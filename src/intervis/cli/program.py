@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 
 import intervis
 from intervis.cli import COMMANDS, DONE, INTERNAL_ERROR, INTERRUPTED, WRONG_REQUEST
-from intervis.cli.terminal import InterruptedRunError, complain, show
+from intervis.cli.terminal import InterruptedRunError, complain, printable, show
 from intervis.errors import IntervisError
 
 
@@ -28,6 +28,14 @@ class _LazyCommands(Mapping[str, Any]):
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
         single.command(name)(function)
         return typer.main.get_command(single)
+
+
+class _PrintableFormatter(logging.Formatter):
+    """Formats log records for a terminal."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The record's text, with control characters written as escapes."""
+        return printable(super().format(record))
 
 
 class _Group(TyperGroup):
@@ -61,9 +69,9 @@ def _root(
     ] = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="Log details to stderr.")] = False,
 ) -> None:
-    logging.basicConfig(
-        level=logging.DEBUG if verbose else logging.WARNING, format="intervis: %(message)s"
-    )
+    handler = logging.StreamHandler()
+    handler.setFormatter(_PrintableFormatter("intervis: %(message)s"))
+    logging.basicConfig(level=logging.DEBUG if verbose else logging.WARNING, handlers=[handler])
     # At DEBUG these packages log whole compilations; only messages of this package are wanted.
     for package in ("numba", "matplotlib", "PIL"):
         logging.getLogger(package).setLevel(logging.WARNING)

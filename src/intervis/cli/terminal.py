@@ -2,14 +2,31 @@
 
 import contextlib
 import os
+import re
 import sys
 from collections.abc import Iterator
 
 from intervis.progress import Progress, silent
 
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""Control characters without tab and line feed."""
+
 
 class InterruptedRunError(Exception):
     """Ctrl-C in a command whose message says how to resume."""
+
+
+def printable(text: str) -> str:
+    r"""The text with control characters, which a terminal obeys, written as escapes.
+
+    Names of files and fields may hold them.
+
+    Examples
+    --------
+    >>> print(printable("a\x1b[31m name"))
+    a\x1b[31m name
+    """
+    return CONTROL.sub(lambda match: f"\\x{ord(match[0]):02x}", text)
 
 
 def show(text: str) -> None:
@@ -17,7 +34,7 @@ def show(text: str) -> None:
     if sys.stdout is None:  # closed by the caller
         return
     try:
-        print(text)
+        print(printable(text))
         sys.stdout.flush()
     except BrokenPipeError:
         _silence_stdout()
@@ -34,7 +51,7 @@ def tell(text: str) -> None:
     if sys.stderr is None:
         return
     with contextlib.suppress(BrokenPipeError):
-        print(text, file=sys.stderr, flush=True)
+        print(printable(text), file=sys.stderr, flush=True)
 
 
 def complain(message: str) -> None:

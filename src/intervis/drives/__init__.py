@@ -9,12 +9,24 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from intervis.drives import kitti_object, kitti_odometry, kitti_raw, scan_folder, single_scan
+from intervis.drives import (
+    argoverse,
+    e57_stations,
+    kitti_object,
+    kitti_odometry,
+    kitti_raw,
+    kitti_tracking,
+    nuscenes,
+    ptx_stations,
+    scan_folder,
+    single_scan,
+)
+from intervis.drives.boxes import Box
 from intervis.drives.drive import Drive
-from intervis.drives.frame import Frame
+from intervis.drives.frame import Frame, ScannerScan
 from intervis.errors import DriveError
 
-__all__ = ["Drive", "Frame", "open_drive"]
+__all__ = ["Box", "Drive", "Frame", "ScannerScan", "open_drive"]
 
 
 class _Layout(NamedTuple):
@@ -25,16 +37,36 @@ class _Layout(NamedTuple):
 
 _LAYOUTS = tuple(
     _Layout(module.EXPECTED_FILES, module.find_roots, module.read_drive)
-    for module in (kitti_raw, kitti_odometry, kitti_object, scan_folder)
+    for module in (
+        kitti_raw,
+        kitti_odometry,
+        kitti_tracking,
+        kitti_object,
+        nuscenes,
+        argoverse,
+        scan_folder,
+        ptx_stations,
+        e57_stations,
+    )
 )
+
+
+_STATION_FILES: dict[str, Callable[[Path, str | None], Drive]] = {
+    ptx_stations.ENDING: ptx_stations.read_drive,
+    e57_stations.ENDING: e57_stations.read_drive,
+}
+"""Readers of files that hold several scans, by the ending of the file's name."""
 
 
 def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Drive:
     """Open a drive; its layout is recognised from the files at `path`.
 
     Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
-    (a sequence), KITTI object (``training``), a folder of scans (optionally with ``poses.txt``),
-    and a single ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes) or ``.ply``. Scans are read
+    and SemanticKITTI (a sequence), KITTI tracking (``training/velodyne/NNNN``), KITTI object
+    (``training``), nuScenes (a scene's name below the folder of its tables), Argoverse 2 (a log),
+    a folder of scans (optionally with ``poses.txt``; also a sequence of the DynamicMap benchmark
+    and stations of 3DTK), PTX and E57 files with stations, and a single ``.bin``, ``.npy``,
+    ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read
     when their frames are accessed. No file is unpickled or executed.
 
     Parameters
@@ -76,10 +108,14 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
         given = Path(path)
     try:
         if "\0" in str(given) or not given.exists():
+            scene = None if "\0" in str(given) else nuscenes.find_scene(given)
+            if scene is not None:
+                return nuscenes.read_drive(scene.resolve(), camera)
             raise DriveError(f"there is nothing at {given}: check the path.")
         root = given.resolve()
         if root.is_file():
-            return single_scan.read_drive(root, camera)
+            read_file = _STATION_FILES.get(root.suffix.lower(), single_scan.read_drive)
+            return read_file(root, camera)
         return _open_folder(root, camera)
     except OSError as error:
         raise DriveError(f"cannot read {error.filename or given}: {error.strerror}.") from None

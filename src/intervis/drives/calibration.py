@@ -1,5 +1,6 @@
 """KITTI's calibration files, and the cameras that they describe."""
 
+import codecs
 import logging
 import math
 import re
@@ -11,6 +12,8 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
+from intervis.drives.image_file import first_image_size_px
+from intervis.drives.regular_file import open_regular
 from intervis.errors import CalibrationError, CameraError, DriveError, PoseError
 from intervis.transform import checked_pose
 
@@ -18,6 +21,15 @@ log = logging.getLogger(__name__)
 
 KITTI_SIZE_PX = (1242, 375)
 """Default image width and height, where neither the calibration nor an image gives them."""
+
+KITTI_CENTRE_PX = (609.0, 178.0)
+KITTI_CENTRE_TOLERANCE_PX = (25.0, 15.0)
+"""Principal points of KITTI's rectified cameras lie around this one, within this distance."""
+
+KEY_WITHOUT_COLON = re.compile(r"\s*[A-Za-z]\w*\s+[-+.\d]", re.ASCII)
+
+COMMENT = "#"
+"""Lines that start so are passed over."""
 
 TEXT_KEYS = ("calib_time",)
 """Keys whose lines hold text instead of numbers."""
@@ -41,7 +53,7 @@ class CameraCalibration:
 
 @dataclass(frozen=True)
 class CalibrationFile:
-    """A file of lines ``KEY: number number ...``.
+    """A file of lines ``KEY: number number ...``; the colon may be missing.
 
     Attributes
     ----------
@@ -88,27 +100,55 @@ class CalibrationFile:
         except PoseError as error:
             raise CalibrationError(f"{self.where(key)}: {error}") from None
 
-    def camera_names(self, prefix: str) -> tuple[str, ...]:
+    def rect_from_velo(self) -> Float64Array:
+        """(4, 4) rectified camera coordinates from the LiDAR's, of KITTI object and tracking.
+
+        The rectifying rotation after the extrinsics. Their lines are called ``R0_rect`` and
+        ``Tr_velo_to_cam``, in the tracking set ``R_rect`` and ``Tr_velo_cam``.
+        """
+        rectifying, extrinsics = (
+            next((key for key in keys if key in self.lines), keys[0])
+            for keys in (("R0_rect", "R_rect"), ("Tr_velo_to_cam", "Tr_velo_cam"))
+        )
+        unrectified_from_velo = self.rigid_motion(extrinsics)
+        return self.rotation(rectifying) @ unrectified_from_velo
+
+    def camera_names(self, prefix: str, digits: int = 0) -> tuple[str, ...]:
         """Names of the cameras with a projection: ``image_02`` for the key ``P_rect_02``.
 
         Parameters
         ----------
         prefix : str
             The key of a projection without the camera's number.
+        digits : int
+            Digits of the number in the name; 0 for those of the key.
         """
-        numbers = (re.fullmatch(prefix + r"(\d+)", key) for key in self.lines)
-        return tuple(sorted(f"image_{match[1]}" for match in numbers if match))
+        numbers = (re.fullmatch(prefix + r"([0-9]{1,4})", key) for key in self.lines)
+        return tuple(sorted(f"image_{match[1].zfill(digits)}" for match in numbers if match))
 
-    def camera(self, key: str, size_px: tuple[int, int], name: str) -> Camera:
+    def camera(self, key: str, size_px: tuple[int, int] | Mapping[int, Path], name: str) -> Camera:
         """The camera with the 3x4 projection in the line of `key`.
+
+        Parameters
+        ----------
+        key : str
+        size_px : tuple of two int, or mapping of int to Path
+            Width and height of its images, or the images, which tell their size.
+        name : str
+            The camera's name.
 
         Raises
         ------
         CalibrationError
             The matrix is not a valid projection.
+        DriveError
+            None of the images can be read.
         """
+        projection = self.matrix(key, 3, 4)
+        if isinstance(size_px, Mapping):
+            size_px = image_size_px(size_px, projection, name)
         try:
-            return Camera(self.matrix(key, 3, 4), *size_px, name=name)
+            return Camera(projection, *size_px, name=name)
         except CameraError as error:
             raise CalibrationError(f"{self.where(key)}: {error}") from None
 
@@ -128,7 +168,9 @@ def read_calibration_file(path: Path) -> CalibrationFile:
     lines: dict[str, tuple[int, tuple[float, ...]]] = {}
     for line_number, line in enumerate(read_lines(path), start=1):
         key, colon, text = (part.strip() for part in line.partition(":"))
-        if not line.strip() or key in TEXT_KEYS:
+        if not colon and KEY_WITHOUT_COLON.match(line):  # as in KITTI's tracking set
+            key, colon, text = line.split(maxsplit=1)[0], ":", line.split(maxsplit=1)[1]
+        if not line.strip() or key in TEXT_KEYS or line.lstrip().startswith(COMMENT):
             continue
         if not colon or not key:
             raise CalibrationError(
@@ -147,11 +189,15 @@ def read_lines(path: Path) -> list[str]:
         The file is missing or cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        with open_regular(path) as file:
+            content = file.read()
     except FileNotFoundError:
         raise CalibrationError(f"the calibration file {path} is missing.") from None
     except OSError as error:
         raise CalibrationError(f"cannot read {path}: {error.strerror}.") from None
+    # Editors and shells of some systems put a byte order mark first, or write 16 bits a letter.
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace")
     return text.rstrip().splitlines()
 
 
@@ -184,7 +230,8 @@ def raw_camera_calibration(folder: Path, name: str) -> CameraCalibration:
     """
     cameras, velo = (read_calibration_file(folder / file) for file in RAW_FILES)
     number = name.removeprefix("image_")
-    width_px, height_px = (round(float(size)) for size in cameras.matrix(f"S_rect_{number}", 2))
+    size_px = np.clip(cameras.matrix(f"S_rect_{number}", 2), -1e9, 1e9)
+    width_px, height_px = (round(float(size)) for size in size_px)
     camera = cameras.camera(f"P_rect_{number}", (width_px, height_px), name)
     return CameraCalibration(
         camera, cameras.rotation("R_rect_00") @ velo.rotation_and_translation()
@@ -230,57 +277,62 @@ def pick_camera(
     >>> pick_camera("0", ("image_00", "image_02"), (), Path("drive"))
     'image_00'
     """
+    if asked is not None and not isinstance(asked, str):
+        raise DriveError(f"a camera must be a name or a number in a text, got {asked!r:.60}.")
     if asked is not None:
         number = asked.removeprefix("image_")
         for name in names:
             own = name.removeprefix("image_")
-            if asked == name or (number.isdecimal() and int(number) == int(own)):
+            if asked == name or (number.isdecimal() and number.lstrip("0") == own.lstrip("0")):
                 return name
         available = ", ".join(names) or "none"
-        raise DriveError(f"{drive} has no camera {asked!r}; available cameras: {available}.")
+        shown = repr(asked if len(asked) <= 60 else asked[:60] + "...")
+        raise DriveError(f"{drive} has no camera {shown}; available cameras: {available}.")
     candidates = [name for name in names if name in with_images] or list(names)
     left_colour = [name for name in candidates if int(name.removeprefix("image_")) == 2]
     return next(iter(left_colour + candidates), None)
 
 
-def png_size_px(path: Path) -> tuple[int, int]:
-    """Width and height of a PNG image, from its first 24 bytes.
+def image_size_px(
+    images: Mapping[int, Path], projection: Float64Array, name: str
+) -> tuple[int, int]:
+    """Width and height of the first readable image; where there is none, what is likely.
 
-    Pillow is an optional dependency, and a drive with images must open without it.
+    Without images the principal point tells: near that of KITTI's cameras the size is KITTI's
+    usual one, otherwise the point is taken for the middle of the image, with a warning.
 
-    Raises
-    ------
-    DriveError
-        The file cannot be read or is not a PNG image.
-    """
-    try:
-        with path.open("rb") as file:
-            head = file.read(24)
-    except OSError as error:
-        raise DriveError(f"cannot read the image {path}: {error.strerror}.") from None
-    if len(head) < 24 or head[:8] != b"\x89PNG\r\n\x1a\n" or head[12:16] != b"IHDR":
-        raise DriveError(f"the image {path} is not a PNG image.")
-    return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
-
-
-def image_size_px(images: Mapping[int, Path]) -> tuple[int, int]:
-    """Width and height of the first readable image; KITTI's usual size where there is no image.
+    Parameters
+    ----------
+    images : mapping of int to Path
+    projection : (3, 4) array
+        Of the camera.
+    name : str
+        The camera's name, for the messages.
 
     Raises
     ------
     DriveError
         There are images, and none of them can be read.
+
+    Examples
+    --------
+    >>> image_size_px({}, np.array([[700.0, 0, 640, 0], [0, 700, 360, 0], [0, 0, 1, 0]]), "a")
+    (1280, 720)
     """
-    unreadable: DriveError | None = None
-    for number in sorted(images):
-        try:
-            return png_size_px(images[number])
-        except DriveError as error:
-            unreadable = unreadable or error
-    if unreadable:
-        raise unreadable
-    log.info("no images: KITTI's image size of %d x %d pixels is used.", *KITTI_SIZE_PX)
-    return KITTI_SIZE_PX
+    if images:
+        return first_image_size_px(images)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        centre_px = np.clip(np.nan_to_num(projection[:2, 2] / projection[2, 2]), -1e6, 1e6)
+    if (np.abs(centre_px - KITTI_CENTRE_PX) < KITTI_CENTRE_TOLERANCE_PX).all():
+        log.info("no images: KITTI's image size of %d x %d pixels is used.", *KITTI_SIZE_PX)
+        return KITTI_SIZE_PX
+    width_px, height_px = (round(2 * float(middle)) for middle in centre_px)
+    log.warning(
+        "there are no images of %s: their size is taken as %d x %d pixels, with the principal point"
+        " in the middle.",
+        *(name, width_px, height_px),
+    )
+    return width_px, height_px
 
 
 def warn_of_other_size(camera: Camera, images: Mapping[int, Path]) -> None:
@@ -288,7 +340,7 @@ def warn_of_other_size(camera: Camera, images: Mapping[int, Path]) -> None:
     if not images:
         return
     try:
-        width_px, height_px = image_size_px(images)
+        width_px, height_px = first_image_size_px(images)
     except DriveError as error:
         log.warning("%s", error)
         return

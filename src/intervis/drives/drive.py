@@ -7,13 +7,17 @@ import operator
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
+from intervis.drives.boxes import Box
 from intervis.drives.calibration import CameraCalibration
-from intervis.drives.frame import Frame
+from intervis.drives.frame import Frame, ScannerScan
+from intervis.drives.regular_file import open_regular
+from intervis.drives.scan import Scan
 from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError
 
@@ -35,7 +39,8 @@ class Drive:
     name : str
         The folder's (or file's) name.
     layout : str
-        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``scan_folder`` or ``single_scan``.
+        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``nuscenes``,
+        ``argoverse``, ``e57_stations``, ``ptx_stations``, ``scan_folder`` or ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
         Files by frame number; a frame may have no image.
     camera_names : tuple of str
@@ -50,6 +55,17 @@ class Drive:
         Time of each scan by frame number, nanoseconds.
     metadata_files : tuple of Path
         The files that calibration, poses and timestamps were read from.
+    read : function of a frame number to Scan, or None
+        Reads the scan of a frame into the scanner's frame. None: by the ending of the scan's file,
+        which holds points in the scanner's frame.
+    label_paths : mapping of int to Path
+        Files with labels of points by frame number; a frame may have none.
+    scanner : str
+        Name of the scanner whose scans are the frames, where the drive has several.
+    read_other_scans : function of a frame number to tuple of ScannerScan, or None
+        Reads the scans of the other scanners at the moment of a frame.
+    read_boxes : function of a frame number to tuple of Box, or None
+        Reads the boxes of the objects at the moment of a frame.
     frame_numbers : tuple of int
         Numbers of the frames that have a scan, sorted.
     """
@@ -65,6 +81,11 @@ class Drive:
     poses: Mapping[int, Float64Array] | None = None
     timestamps_ns: Mapping[int, int] = field(default_factory=dict)
     metadata_files: tuple[Path, ...] = ()
+    read: Callable[[int], Scan] | None = None
+    label_paths: Mapping[int, Path] = field(default_factory=dict)
+    scanner: str = ""
+    read_other_scans: Callable[[int], tuple[ScannerScan, ...]] | None = None
+    read_boxes: Callable[[int], tuple[Box, ...]] | None = None
     frame_numbers: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -140,7 +161,7 @@ class Drive:
             raise DriveError(f"a frame number must be an integer, got {number!r}.") from None
         if number not in self.scan_paths:
             raise DriveError(self._no_such_frame(number))
-        scan = read_scan(self.scan_paths[number])
+        scan = self.read(number) if self.read else read_scan(self.scan_paths[number])
         calibration = self.calibration_of(number)
         pose = self.poses.get(number) if self.poses else None
         return Frame(
@@ -153,6 +174,12 @@ class Drive:
             timestamp_ns=self.timestamps_ns.get(number),
             image_path=self.image_paths.get(number),
             scan_path=self.scan_paths[number],
+            label_path=self.label_paths.get(number),
+            scanner=self.scanner,
+            read_other_scans=(
+                partial(self.read_other_scans, number) if self.read_other_scans else None
+            ),
+            read_boxes=partial(self.read_boxes, number) if self.read_boxes else None,
         )
 
     def fingerprint(self) -> dict[str, Any]:
@@ -175,7 +202,7 @@ class Drive:
         digest, scan_bytes = hashlib.sha256(), 0
         try:
             for number in self.frame_numbers:
-                with self.scan_paths[number].open("rb") as file:
+                with open_regular(self.scan_paths[number]) as file:
                     size = file.seek(0, 2)
                     file.seek(max(0, (size - SAMPLE_BYTES) // 2))
                     digest.update(f"scan {number} {size}\n".encode() + file.read(SAMPLE_BYTES))
@@ -183,7 +210,9 @@ class Drive:
             for number, path in sorted(self.image_paths.items()):
                 digest.update(f"image {number} {path.stat().st_size}\n".encode())
             for path in self.metadata_files:
-                digest.update(f"file {path.name}\n".encode() + path.read_bytes())
+                with open_regular(path) as file:
+                    digest.update(f"file {path.name}\n".encode(errors="surrogateescape"))
+                    digest.update(file.read())
         except OSError as error:
             raise DriveError(f"cannot read {error.filename}: {error.strerror}.") from None
         return {

@@ -2,7 +2,8 @@
 
 from __future__ import annotations  # help() shows the names of the array types
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,35 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float32Array, Float64Array
 from intervis.camera import Camera, default_viewpoint
+from intervis.drives.boxes import Box
+from intervis.drives.image_file import checked_image_size_px
+from intervis.drives.point_labels import read_labels
 from intervis.errors import DriveError, MissingExtraError
+
+
+@dataclass(frozen=True, eq=False)
+class ScannerScan:
+    """The scan of one scanner at the moment of a frame.
+
+    Attributes
+    ----------
+    name : str
+        The scanner's name, for example ``LIDAR_TOP``; empty where a drive has one scanner only.
+    points : (N, 3) float32 array
+        In this scanner's own frame, metres.
+    attributes : mapping of str to array
+        Further values of each point.
+    pose : (4, 4) float64 array or None
+        World from this scanner's frame, at the time of its scan.
+    timestamp_ns : int or None
+        Time of the scan, nanoseconds.
+    """
+
+    name: str
+    points: Float32Array = field(repr=False)
+    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict, repr=False)
+    pose: Float64Array | None = field(default=None, repr=False)
+    timestamp_ns: int | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,6 +67,14 @@ class Frame:
         The camera's image of this frame.
     scan_path : Path or None
         The file that the points were read from.
+    label_path : Path or None
+        The file with labels of the points (SemanticKITTI).
+    scanner : str
+        Name of the scanner of `points`, where the drive has several.
+    read_other_scans : function, or None
+        Reads the scans of the other scanners: see `scans`.
+    read_boxes : function, or None
+        Reads the boxes of the objects: see `boxes`.
 
     Examples
     --------
@@ -54,6 +91,10 @@ class Frame:
     timestamp_ns: int | None = None
     image_path: Path | None = None
     scan_path: Path | None = None
+    label_path: Path | None = None
+    scanner: str = ""
+    read_other_scans: Callable[[], tuple[ScannerScan, ...]] | None = None
+    read_boxes: Callable[[], tuple[Box, ...]] | None = None
 
     @property
     def timestamp_s(self) -> float | None:
@@ -65,6 +106,7 @@ class Frame:
         if self.camera is not None:
             known.append(f"camera {self.camera.name}")
         known += ["image"] if self.image_path is not None else []
+        known += ["labels"] if self.label_path is not None else []
         known += ["pose"] if self.pose is not None else []
         known += ["timestamp"] if self.timestamp_ns is not None else []
         return f"<Frame {self.number}: {', '.join(known)}>"
@@ -76,6 +118,53 @@ class Frame:
         The camera's centre; the sensor's origin where the frame has no camera.
         """
         return default_viewpoint(self.camera, self.cam_from_velo)
+
+    @property
+    def scans(self) -> tuple[ScannerScan, ...]:
+        """The scans of all scanners at this moment, each in its own frame; `points` comes first.
+
+        Those of other scanners are read at each access.
+
+        Raises
+        ------
+        ScanError
+            The scan of another scanner cannot be read.
+        """
+        main = ScannerScan(self.scanner, self.points, self.attributes, self.pose, self.timestamp_ns)
+        return (main, *(self.read_other_scans() if self.read_other_scans else ()))
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """Boxes of the objects at this moment; read at each access, empty where there are none.
+
+        Raises
+        ------
+        CalibrationError
+            The labels cannot be read.
+        """
+        return self.read_boxes() if self.read_boxes else ()
+
+    @property
+    def point_classes(self) -> NDArray[np.uint16] | None:
+        """(N,) class of each point, the lower 16 bits of SemanticKITTI's label.
+
+        Read at each access; None where the frame has no labels.
+
+        Raises
+        ------
+        ScanError
+            The file of labels cannot be read, or does not fit the points.
+        """
+        if self.label_path is None:
+            return None
+        return (read_labels(self.label_path, len(self.points)) & 0xFFFF).astype(np.uint16)
+
+    @property
+    def point_instances(self) -> NDArray[np.uint16] | None:
+        """(N,) instance of each point, the upper 16 bits of its label, as `point_classes`."""
+        if self.label_path is None:
+            return None
+        return (read_labels(self.label_path, len(self.points)) >> 16).astype(np.uint16)
 
     @property
     def image(self) -> NDArray[np.uint8] | None:
@@ -94,8 +183,11 @@ class Frame:
             from PIL import Image
         except ImportError:
             raise MissingExtraError("pillow", "plots", "Decoding an image") from None
+        checked_image_size_px(self.image_path)
         try:
-            with Image.open(self.image_path) as image:
+            with warnings.catch_warnings(), Image.open(self.image_path) as image:
+                warnings.simplefilter("ignore")  # of damage that does not keep it from decoding
                 return np.asarray(image.convert("RGB"))
-        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-            raise DriveError(f"cannot read the image {self.image_path}: {error}.") from None
+        except Exception as error:  # Pillow raises various types on damaged files
+            reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+            raise DriveError(f"cannot read the image {self.image_path}: {reason}.") from None

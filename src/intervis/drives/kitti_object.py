@@ -8,14 +8,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from intervis.drives.boxes import Box, kitti_boxes
 from intervis.drives.calibration import (
     CameraCalibration,
-    image_size_px,
     pick_camera,
     read_calibration_file,
 )
 from intervis.drives.drive import Drive
+from intervis.drives.image_file import IMAGE_ENDINGS
 from intervis.drives.numbering import numbered_files, numbered_scans
+from intervis.drives.point_labels import label_files
 from intervis.errors import CalibrationError
 
 EXPECTED_FILES = "velodyne/*.bin beside calib/ or image_2/, also under training/ (KITTI object)"
@@ -42,7 +44,11 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         )
     names = _camera_names(calibrations, scans)
     chosen = pick_camera(camera, names, with_images, root)
-    images = numbered_files(root / chosen, ".png") if chosen else {}
+    images = numbered_files(root / chosen, *IMAGE_ENDINGS) if chosen else {}
+    calibration_of = (
+        ObjectCalibrations(root / "calib", chosen, calibrations, images) if chosen else None
+    )
+    labels = numbered_files(root / "label_2", ".txt")
     return Drive(
         root=root,
         name=root.name,
@@ -51,10 +57,10 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         image_paths=images,
         camera_names=names,
         camera_name=chosen,
-        calibration=ObjectCalibrations(root / "calib", chosen, calibrations, images)
-        if chosen
-        else None,
+        calibration=calibration_of,
+        read_boxes=_Labels(labels, calibration_of) if calibration_of and labels else None,
         metadata_files=tuple(calibrations.values()),
+        label_paths=label_files(scans),
     )
 
 
@@ -71,11 +77,26 @@ class ObjectCalibrations:
         """Camera and cam_from_velo = R0_rect Tr_velo_to_cam of one frame."""
         missing = self.folder / f"{number:06d}.txt"  # for the error message
         calibration = read_calibration_file(self.files.get(number, missing))
-        own = {number: self.images[number]} if number in self.images else {}
+        # Sizes differ by a few pixels between frames: without its own image, a frame's neighbour.
+        nearest = sorted(self.images, key=lambda other: (abs(other - number), other))[:1]
         key = self.name.replace("image_", "P")
-        camera = calibration.camera(key, image_size_px(own), self.name)
-        unrectified_from_velo = calibration.rigid_motion("Tr_velo_to_cam")
-        return CameraCalibration(camera, calibration.rotation("R0_rect") @ unrectified_from_velo)
+        camera = calibration.camera(
+            key, {other: self.images[other] for other in nearest}, self.name
+        )
+        return CameraCalibration(camera, calibration.rect_from_velo())
+
+
+@dataclass(frozen=True)
+class _Labels:
+    """Reads the boxes of a frame."""
+
+    files: Mapping[int, Path]
+    calibration_of: ObjectCalibrations
+
+    def __call__(self, number: int) -> tuple[Box, ...]:
+        if number not in self.files:
+            return ()
+        return kitti_boxes(self.files[number], self.calibration_of(number).cam_from_velo, None)
 
 
 def _camera_names(calibrations: Mapping[int, Path], scans: Mapping[int, Path]) -> tuple[str, ...]:

@@ -1,20 +1,22 @@
 """KITTI odometry (and SemanticKITTI): one folder for each sequence, poses of camera 0 beside them.
 
 ``sequences/NN/velodyne/*.bin``, ``.../image_2/*.png``, ``.../calib.txt``, ``.../times.txt``, and
-``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as in SemanticKITTI). The files hold poses of the
-rectified camera 0. They are converted to LiDAR poses with the line `Tr` of calib.txt.
+``poses/NN.txt`` (or ``sequences/NN/poses.txt``, as in SemanticKITTI, which adds ``.../labels``).
+The files hold poses of the rectified camera 0. They are converted to LiDAR poses with the line `Tr`
+of calib.txt.
 """
 
 from pathlib import Path
 
 from intervis.drives.calibration import (
     CameraCalibration,
-    image_size_px,
     pick_camera,
     read_calibration_file,
 )
 from intervis.drives.drive import Drive
+from intervis.drives.image_file import IMAGE_ENDINGS
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
+from intervis.drives.point_labels import label_files
 from intervis.drives.trajectory import known_timestamps, lidar_poses, read_poses, read_seconds
 
 EXPECTED_FILES = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
@@ -51,12 +53,12 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         calibration = read_calibration_file(root / "calib.txt")
     names = calibration.camera_names("P") if calibration else ()
     chosen = pick_camera(camera, names, with_images, root)
-    images = numbered_files(root / chosen, ".png") if chosen else {}
+    images = numbered_files(root / chosen, *IMAGE_ENDINGS) if chosen else {}
     camera_calibration, poses = None, None
     metadata_files = [root / "calib.txt"] if calibration else []
     if calibration and chosen:
         key = chosen.replace("image_", "P")
-        model = calibration.camera(key, image_size_px(images), chosen)
+        model = calibration.camera(key, images, chosen)
         camera_calibration = CameraCalibration(model, calibration.rigid_motion("Tr"))
     if calibration and pose_path:
         poses_velo = lidar_poses(read_poses(pose_path), calibration.rigid_motion("Tr"))
@@ -79,6 +81,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         poses=poses,
         timestamps_ns=timestamps_ns,
         metadata_files=tuple(metadata_files),
+        label_paths=label_files(scans),
     )
 
 

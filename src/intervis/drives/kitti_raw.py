@@ -18,10 +18,12 @@ from intervis.drives.calibration import (
     warn_of_other_size,
 )
 from intervis.drives.drive import Drive
+from intervis.drives.image_file import IMAGE_ENDINGS
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
 from intervis.drives.trajectory import (
     known_timestamps,
     poses_from_oxts,
+    read_oxts_file,
     read_poses,
     read_timestamps,
 )
@@ -50,7 +52,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         names = raw_camera_names(date)
     chosen = pick_camera(camera, names, with_images, root)
     calibration = raw_camera_calibration(date, chosen) if chosen else None
-    images = numbered_files(root / chosen / "data", ".png") if chosen else {}
+    images = numbered_files(root / chosen / "data", *IMAGE_ENDINGS) if chosen else {}
     if calibration:
         warn_of_other_size(calibration.camera, images)
     else:
@@ -85,7 +87,8 @@ def _read_poses(
         return None, []
     imu = root.parent / "calib_imu_to_velo.txt"
     velo_from_imu = read_calibration_file(imu).rotation_and_translation()
-    return poses_from_oxts(records, velo_from_imu), [imu, *records.values()]
+    values = {number: read_oxts_file(path) for number, path in records.items()}
+    return poses_from_oxts(values, velo_from_imu), [imu, *records.values()]
 
 
 def _read_timestamps(root: Path, numbers: list[int]) -> tuple[dict[int, int], list[Path]]:

@@ -17,30 +17,41 @@ log = logging.getLogger(__name__)
 
 Value = TypeVar("Value")
 
+MOST_DIGITS = 18
+"""Digits of a frame number at most: it is kept in 64 bits."""
 
-def numbered_files(folder: Path, ending: str) -> dict[int, Path]:
-    """Files of a KITTI folder that are named NUMBER and `ending`, by number, sorted.
 
-    Other files are ignored. A missing folder has no files.
+def numbered_files(folder: Path, *endings: str) -> dict[int, Path]:
+    """Files of a KITTI folder that are named NUMBER and one of `endings`, by number, sorted.
+
+    Endings are compared without regard to case. A number with files of several endings has the file
+    with the first of them. Other files are ignored. A missing folder has no files.
 
     Raises
     ------
     DriveError
-        Two files have the same number, for example 7.bin and 0007.bin.
+        Two files have the same number and ending, for example 7.bin and 0007.bin.
     """
     if not folder.is_dir():
         return {}
     files: dict[int, Path] = {}
+    ranks: dict[int, int] = {}
     for path in sorted(folder.iterdir()):
-        stem = path.name.removesuffix(ending)
-        if stem == path.name or not (stem.isascii() and stem.isdigit()):
+        name = path.name.lower()
+        rank = next((nth for nth, ending in enumerate(endings) if name.endswith(ending)), None)
+        if rank is None:
             continue
-        if int(stem) in files:
+        stem = name.removesuffix(endings[rank])
+        if not (stem.isascii() and stem.isdigit() and len(stem) <= MOST_DIGITS):
+            continue
+        number = int(stem)
+        if ranks.get(number) == rank:
             raise DriveError(
-                f"two files in {folder} have the number {int(stem)}:"
-                f" {files[int(stem)].name} and {path.name}; remove one."
+                f"two files in {folder} have the number {number}:"
+                f" {files[number].name} and {path.name}; remove one."
             )
-        files[int(stem)] = path
+        if number not in ranks or rank < ranks[number]:
+            files[number], ranks[number] = path, rank
     return dict(sorted(files.items()))
 
 
@@ -74,7 +85,7 @@ def numbered_by_name(paths: Iterable[Path]) -> dict[int, Path]:
     """
     ordered = sorted(paths, key=_by_numbers)
     digits = [re.findall(r"[0-9]+", path.name.split(".")[0]) for path in ordered]
-    numbers = [int(found[-1]) for found in digits if found]
+    numbers = [int(found[-1]) for found in digits if found and len(found[-1]) <= MOST_DIGITS]
     if len(numbers) == len(ordered) and all(a < b for a, b in pairwise(numbers)):
         return dict(zip(numbers, ordered, strict=True))
     log.warning(

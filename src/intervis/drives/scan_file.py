@@ -1,33 +1,50 @@
 """Reading a scan file in any supported format, selected by the ending of its name."""
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from intervis.arrays import Float64Array
+from intervis.drives.float_columns import column_names, likely_width
 from intervis.drives.pcd_file import read_pcd
 from intervis.drives.ply_file import read_ply
+from intervis.drives.regular_file import open_regular
 from intervis.drives.scan import Scan, scan_of_rows
+from intervis.drives.threedtk import read_3d
 from intervis.errors import ScanError
 
+log = logging.getLogger(__name__)
 
-def read_bin(path: Path) -> Scan:
+X_RIGHT = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+"""file_from_velo of nuScenes' scanner: ahead is the file's y, left its -x."""
+
+
+def read_bin(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
     """Read a KITTI scan: x, y, z and intensity of each point as little-endian float32.
+
+    Points of three, five or more numbers are recognised by the data, with a warning.
 
     Raises
     ------
     ScanError
-        The file holds no points, or its size is not a multiple of a point's size.
+        The file holds no points, its size is not a multiple of a point's size, or its points have
+        not four numbers and the data does not show how many.
     """
-    return _read_float32_rows(path, ("intensity",))
+    return _read_float32_rows(path, 4, velo_from_file)
 
 
-def read_nuscenes(path: Path) -> Scan:
-    """Read a nuScenes sweep: x, y, z, intensity and ring as little-endian float32."""
-    return _read_float32_rows(path, ("intensity", "ring"))
+def read_nuscenes(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
+    """Read a nuScenes sweep: x, y, z, intensity and ring as little-endian float32.
+
+    Its x looks right and its y forward. Unless another motion is given, the points are turned into
+    x forward, y left.
+    """
+    return _read_float32_rows(path, 5, X_RIGHT.T if velo_from_file is None else velo_from_file)
 
 
-def read_npy(path: Path) -> Scan:
+def read_npy(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
     """Read an array (N, 3) or (N, 4) of float32 or float64; the fourth column is intensity.
 
     Raises
@@ -39,6 +56,7 @@ def read_npy(path: Path) -> Scan:
     try:
         # A memory map fails on a header that declares more than the file holds, and allocates
         # nothing.
+        open_regular(path).close()
         rows = np.load(path, mmap_mode="r", allow_pickle=False)
     except OSError:
         raise
@@ -50,15 +68,17 @@ def read_npy(path: Path) -> Scan:
         raise ScanError(f"the scan {path} must have the shape (N, 3) or (N, 4), not {rows.shape}.")
     if rows.dtype.kind != "f" or rows.dtype.itemsize not in (4, 8):
         raise ScanError(f"the scan {path} must be float32 or float64 metres, not {rows.dtype}.")
-    return scan_of_rows(path, np.array(rows), ("intensity",)[: rows.shape[1] - 3])
+    names = ("intensity",)[: rows.shape[1] - 3]
+    return scan_of_rows(path, np.array(rows), names, velo_from_file)
 
 
-READERS: dict[str, Callable[[Path], Scan]] = {
+READERS: dict[str, Callable[[Path, Float64Array | None], Scan]] = {
     ".pcd.bin": read_nuscenes,
     ".bin": read_bin,
     ".npy": read_npy,
     ".pcd": read_pcd,
     ".ply": read_ply,
+    ".3d": read_3d,
 }
 """Readers by ending of the file name; a longer ending stands before its own suffix."""
 
@@ -77,8 +97,14 @@ def scan_ending(path: Path) -> str | None:
     return next((ending for ending in READERS if name.endswith(ending)), None)
 
 
-def read_scan(path: Path) -> Scan:
+def read_scan(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
     """Read a scan file with the reader for its ending.
+
+    Parameters
+    ----------
+    path : Path
+    velo_from_file : (4, 4) array, optional
+        Motion that moves the points of the file into the sensor's frame.
 
     Raises
     ------
@@ -89,23 +115,45 @@ def read_scan(path: Path) -> Scan:
     ending = scan_ending(path)
     if ending is None:
         raise ScanError(f"{path} is not a scan: its name must end in {' '.join(READERS)}.")
+    return reading(path, lambda file: READERS[ending](file, velo_from_file))
+
+
+def reading(path: Path, reader: Callable[[Path], Scan]) -> Scan:
+    """The scan that a reader makes of a file; what the system refuses becomes a `ScanError`."""
     try:
         if path.is_file() and path.stat().st_size == 0:
             raise ScanError(f"the scan {path} holds no points: the file is empty.")
-        return READERS[ending](path)
+        return reader(path)
     except OSError as error:
         raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
 
 
-def _read_float32_rows(path: Path, names: tuple[str, ...]) -> Scan:
-    columns = 3 + len(names)
-    size_bytes = path.stat().st_size
-    if size_bytes % (4 * columns):
+def _read_float32_rows(path: Path, usual: int, velo_from_file: Float64Array | None) -> Scan:
+    with open_regular(path) as file:
+        values = np.fromfile(file, dtype="<f4")
+        size_bytes = file.seek(0, 2)
+    width, certain = likely_width(values, usual) if size_bytes % 4 == 0 else (None, True)
+    if width is None:
         raise ScanError(
             f"the scan {path} is truncated: its {size_bytes} bytes are not a multiple of"
-            f" {4 * columns}, the {columns} float32 numbers of a point."
+            f" {4 * usual}, the {usual} float32 numbers of a point."
         )
-    return scan_of_rows(path, np.fromfile(path, dtype="<f4").reshape(-1, columns), names)
+    if not certain:
+        raise ScanError(
+            f"the scan {path} does not have the {usual} columns of a {scan_ending(path)} file, but"
+            f" perhaps {width} ({4 * width} bytes a point), which its data does not prove: save its"
+            " columns x, y, z and intensity as .npy."
+        )
+    names = column_names(values, width)
+    if width != usual:
+        log.warning(
+            "%s is read with %d columns (x y z %s) instead of %d: only so do successive returns"
+            " follow each other.",
+            *(path, width, " ".join(names), usual),
+        )
+    elif usual == 5:
+        names = ("intensity", "ring")
+    return scan_of_rows(path, values.reshape(-1, width), names, velo_from_file)
 
 
 def _brief(error: Exception) -> str:

@@ -1,13 +1,13 @@
-"""A folder of scans of one format, directly in it or in its subfolder ``scans``.
+"""A folder of scans of one format, directly in it or in its subfolder ``pcd`` or ``scans``.
 
 Optional files in the folder: ``poses.txt`` (LiDAR poses, KITTI's odometry format), and KITTI raw's
-``calib_cam_to_cam.txt`` with ``calib_velo_to_cam.txt``.
+``calib_cam_to_cam.txt`` with ``calib_velo_to_cam.txt``. Without ``poses.txt`` the poses are those
+that PCD files state (VIEWPOINT), or those in 3DTK's ``.pose`` files.
 """
 
 from collections import Counter
 from pathlib import Path
 
-from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
     RAW_FILES,
     pick_camera,
@@ -16,11 +16,16 @@ from intervis.drives.calibration import (
 )
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_by_name
+from intervis.drives.point_labels import label_files
 from intervis.drives.scan_file import READERS, scan_ending
+from intervis.drives.threedtk import ENDING, station_poses
 from intervis.drives.trajectory import read_poses
+from intervis.drives.viewpoint import stated_poses
 from intervis.errors import CalibrationError, DriveError
 
-EXPECTED_FILES = f"scans ending in {' '.join(READERS)}, in it or in scans/ (a folder of scans)"
+EXPECTED_FILES = (
+    f"scans ending in {' '.join(READERS)}, in it, in pcd/ or in scans/ (a folder of scans)"
+)
 
 
 def find_roots(path: Path) -> list[Path]:
@@ -42,10 +47,15 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         raise CalibrationError(f"the calibration file {root / missing} is missing.")
     names = raw_camera_names(root) if present else ()
     chosen = pick_camera(camera, names, (), root)
-    poses: dict[int, Float64Array] | None = None
+    poses, read = stated_poses(scans)
+    pose_files: list[Path] = []
     pose_path = root / "poses.txt"
     if pose_path.is_file():
         poses = lines_by_number(read_poses(pose_path), list(scans), pose_path)
+        pose_files = [pose_path]
+    elif ENDING in endings:
+        stations, pose_files = station_poses(scans)
+        poses = stations or None
     return Drive(
         root=root,
         name=root.name,
@@ -55,13 +65,18 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         camera_name=chosen,
         calibration=raw_camera_calibration(root, chosen) if chosen else None,
         poses=poses,
-        metadata_files=(*(root / file for file in present), *([pose_path] if poses else [])),
+        metadata_files=(*(root / file for file in present), *pose_files),
+        read=read,
+        label_paths=label_files(scans),
     )
 
 
 def _scans(root: Path) -> list[Path]:
-    """The scan files in `root`, or else those in its ``scans``."""
-    for folder in (root, root / "scans"):
+    """The scan files in the ``pcd`` of `root`, or else those in it, or else in its ``scans``.
+
+    The DynamicMap benchmark keeps scans in ``pcd``, and maps of all of them beside that folder.
+    """
+    for folder in (root / "pcd", root, root / "scans"):
         if folder.is_dir():
             paths = [
                 path

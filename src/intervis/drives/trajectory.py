@@ -1,24 +1,36 @@
 """Poses and timestamps: KITTI's odometry format, GPS/IMU records (oxts), lists of times."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.drives.calibration import parse_numbers, read_lines
+from intervis.drives.calibration import COMMENT, parse_numbers, read_lines
 from intervis.errors import CalibrationError, PoseError
 from intervis.transform import checked_pose, inverse, rigid
 
 EARTH_RADIUS_M = 6_378_137.0
 """Radius of the sphere of KITTI's Mercator projection."""
 
+FARTHEST_M = 1e9
+"""Coordinates of a pose at most: beyond any on Earth, in any unit that is meant."""
+
+LATEST_S = 9e9
+"""Times at most, seconds: 64 bits of nanoseconds end at 9.2e9."""
+
+YEARS = ("1678", "2261")
+"""First and last year that 64 bits of nanoseconds since 1970 hold completely."""
+
 DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 
 
 def read_poses(path: Path) -> list[Float64Array]:
     """Read poses in KITTI's odometry format: each line holds the upper three rows of a 4x4 matrix.
+
+    All four rows are taken too. Blank lines and lines that start with # are passed over.
 
     Returns
     -------
@@ -31,23 +43,35 @@ def read_poses(path: Path) -> list[Float64Array]:
         A line does not parse or is not a rigid motion; the message names file and line.
     """
     poses = []
-    for line_number, line in enumerate(read_lines(path), start=1):
+    for line_number, line in _lines_with_values(path):
         values = parse_numbers(line, path, line_number)
-        if len(values) != 12:
+        if len(values) not in (12, 16):
             raise CalibrationError(
                 f"{path}, line {line_number}: a pose needs 12 numbers, this line has {len(values)}."
             )
+        if max(map(abs, values)) > FARTHEST_M:
+            raise CalibrationError(
+                f"{path}, line {line_number}: a pose of more than {FARTHEST_M:.0e} m is none on"
+                " Earth."
+            )
         try:
-            poses.append(checked_pose(np.reshape(values, (3, 4))))
+            poses.append(checked_pose(np.reshape(values, (-1, 4))))
         except PoseError as error:
             raise CalibrationError(f"{path}, line {line_number}: {error}") from None
     return poses
 
 
+def _lines_with_values(path: Path) -> Iterator[tuple[int, str]]:
+    """Line numbers (from 1) and lines of a file, without blank ones and comments."""
+    for line_number, line in enumerate(read_lines(path), start=1):
+        if line.strip() and not line.lstrip().startswith(COMMENT):
+            yield line_number, line
+
+
 def poses_from_oxts(
-    records: Mapping[int, Path], velo_from_imu: Float64Array
+    records: Mapping[int, tuple[float, ...]], velo_from_imu: Float64Array
 ) -> dict[int, Float64Array]:
-    """LiDAR poses from KITTI raw's oxts records, one file for each frame.
+    """LiDAR poses from KITTI's oxts records.
 
     The world frame is x east, y north, z up, with its origin at the IMU of the first record.
     Positions come from latitude and longitude by a Mercator projection with scale 1 at the first
@@ -56,19 +80,14 @@ def poses_from_oxts(
 
     Parameters
     ----------
-    records : mapping of frame number to Path
+    records : mapping of frame number to six floats
+        Latitude and longitude in degrees, altitude in metres, roll, pitch and yaw in radians.
     velo_from_imu : (4, 4) array
 
     Returns
     -------
     dict of frame number to (4, 4) float64 array
         world_from_velo.
-
-    Raises
-    ------
-    CalibrationError
-        A record does not start with six numbers: latitude and longitude in degrees, altitude in
-        metres, roll, pitch and yaw in radians.
     """
     from scipy.spatial.transform import Rotation  # 0.4 s to import: only for drives with oxts
 
@@ -77,7 +96,7 @@ def poses_from_oxts(
     scale = 1.0
     poses = {}
     for number in sorted(records):
-        latitude_deg, longitude_deg, altitude_m, *angles_rad = _read_record(records[number])
+        latitude_deg, longitude_deg, altitude_m, *angles_rad = records[number]
         if origin is None:
             scale = float(np.cos(np.radians(latitude_deg)))
         east_m = scale * EARTH_RADIUS_M * np.radians(longitude_deg)
@@ -90,12 +109,35 @@ def poses_from_oxts(
     return poses
 
 
-def _read_record(path: Path) -> tuple[float, ...]:
+def read_oxts_file(path: Path) -> tuple[float, ...]:
+    """The six numbers of a record in a file of its own, as in KITTI raw.
+
+    Raises
+    ------
+    CalibrationError
+        It does not start with six numbers: latitude and longitude in degrees, altitude in metres,
+        roll, pitch and yaw in radians.
+    """
     lines = read_lines(path)
-    values = parse_numbers(lines[0], path, 1) if lines else ()
-    if len(values) < 6 or not abs(values[0]) < 90:
+    return _record(lines[0] if lines else "", path, 1)
+
+
+def read_oxts_lines(path: Path) -> list[tuple[float, ...]]:
+    """The records in the lines of one file, as in KITTI tracking; errors as `read_oxts_file`."""
+    return [_record(line, path, number) for number, line in enumerate(read_lines(path), start=1)]
+
+
+def _record(line: str, path: Path, line_number: int) -> tuple[float, ...]:
+    values = parse_numbers(line, path, line_number)
+    if (
+        len(values) < 6
+        or not abs(values[0]) < 90
+        or not abs(values[1]) <= 360
+        or max(map(abs, values[:6])) > FARTHEST_M
+    ):
         raise CalibrationError(
-            f"{path}, line 1: expected latitude, longitude, altitude, roll, pitch and yaw."
+            f"{path}, line {line_number}: expected latitude, longitude, altitude, roll, pitch and"
+            " yaw."
         )
     return values[:6]
 
@@ -112,12 +154,13 @@ def read_timestamps(path: Path) -> list[int | None]:
     for line_number, line in enumerate(read_lines(path), start=1):
         text = line.strip()
         try:
-            if text and not DATE_AND_TIME.fullmatch(text):
+            if text and not (DATE_AND_TIME.fullmatch(text) and YEARS[0] <= text[:4] <= YEARS[1]):
                 raise ValueError
             timestamps_ns.append(int(np.datetime64(text, "ns").astype(np.int64)) if text else None)
         except ValueError:
             raise CalibrationError(
-                f"{path}, line {line_number}: {text[:40]!r} is not a date and time."
+                f"{path}, line {line_number}: {text[:40]!r} is not a date and time from"
+                f" {YEARS[0]} to {YEARS[1]}."
             ) from None
     return timestamps_ns
 
@@ -125,11 +168,20 @@ def read_timestamps(path: Path) -> list[int | None]:
 def read_seconds(path: Path) -> list[int | None]:
     """Read KITTI odometry's times.txt (one time in seconds a line): nanoseconds."""
     timestamps_ns: list[int | None] = []
-    for line_number, line in enumerate(read_lines(path), start=1):
+    for line_number, line in _lines_with_values(path):
         values = parse_numbers(line, path, line_number)
         if len(values) != 1:
             raise CalibrationError(f"{path}, line {line_number}: expected one time in seconds.")
-        timestamps_ns.append(round(values[0] * 1e9))
+        if abs(values[0]) > LATEST_S:
+            raise CalibrationError(
+                f"{path}, line {line_number}: {line.strip()[:40]!r} is beyond {LATEST_S:.0e}"
+                " seconds: no time that 64 bits of nanoseconds hold."
+            )
+        # Exact: a float of seconds since 1970 has no nanoseconds.
+        try:
+            timestamps_ns.append(round(Decimal(line.strip()) * 10**9))
+        except ArithmeticError:  # an exponent of many digits
+            timestamps_ns.append(round(values[0] * 1e9))
     return timestamps_ns
 
 

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 FORMAT = 2
 """Version of the layout of a frame file; files of other versions are refused."""
 
+MOST_BYTES = 2**31
+"""Bytes that the arrays of a frame may declare in all: more is a damaged file, or a trap."""
+
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -156,15 +159,28 @@ def load_frame(path: Path) -> Arrays:
     """
     try:
         # Read at once: damage anywhere in the file must raise here, not at a later access.
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
+        content = io.BytesIO(path.read_bytes())
+        _check_unpacked_size(content)
+        with np.load(content, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except OSError as error:
         raise OutputError(f"cannot read {path}: {error.strerror or error}.") from None
-    except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
-        raise OutputError(f"{path} is damaged: {error}.") from None
-    if "format" not in arrays or int(arrays["format"]) != FORMAT:
+    except Exception as error:  # zipfile, zlib and numpy raise various types on damage
+        reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+        raise OutputError(f"{path} is damaged: {reason}.") from None
+    version = arrays.get("format", np.array(-1))
+    if version.shape != () or version.dtype.kind not in "iu" or int(version) != FORMAT:
         raise OutputError(f"{path} is not a frame file of this version of intervis.")
     return arrays
+
+
+def _check_unpacked_size(content: io.BytesIO) -> None:
+    """Check what an archive declares to hold, before memory is taken for it."""
+    with zipfile.ZipFile(content) as archive:
+        unpacked_bytes = sum(entry.file_size for entry in archive.infolist())
+    if unpacked_bytes > MOST_BYTES:
+        raise ValueError(f"it declares {unpacked_bytes} bytes, and no frame has {MOST_BYTES}")
+    content.seek(0)
 
 
 def load_analysis(path: Path) -> "Analysis":
@@ -198,7 +214,7 @@ def load_analysis(path: Path) -> "Analysis":
             measures=Measures(**measures),
             times=StageTimes(**record.times_s),
         )
-    except (KeyError, TypeError, SettingsError) as error:
+    except (KeyError, TypeError, ValueError, SettingsError) as error:
         raise OutputError(f"{path} is not a frame file of this version of intervis.") from error
 
 
@@ -221,5 +237,5 @@ def _record(path: Path, arrays: Arrays) -> FrameRecord:
         times_s = dict(zip(arrays["time_names"].tolist(), arrays["times_s"].tolist(), strict=True))
         tau = int(arrays["tau"]) if "tau" in arrays else None
         return FrameRecord(int(arrays["number"]), measures, times_s, tau, reused=True)
-    except (KeyError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise OutputError(f"{path} is damaged: {error}.") from None

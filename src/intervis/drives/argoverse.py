@@ -1,0 +1,415 @@
+"""Argoverse 2, sensor data set: a log is a drive, its sweeps are the frames, numbered from 0.
+
+``LOG/sensors/lidar/TIME.feather``, ``LOG/sensors/cameras/NAME/TIME.jpg``,
+``LOG/calibration/*.feather``, ``LOG/city_SE3_egovehicle.feather``. A sweep holds the points of two
+scanners in the vehicle's frame at the sweep's time: lasers 0 to 31 belong to ``up_lidar``, 32 to 63
+to ``down_lidar``. Each is moved into its own scanner's frame, where it stood; the upper one gives
+the points of the frame. Images are shipped without distortion. Source: av2-api.
+"""
+
+import logging
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.arrays import Float64Array
+from intervis.camera import Camera
+from intervis.drives.boxes import Box
+from intervis.drives.calibration import CameraCalibration
+from intervis.drives.drive import Drive
+from intervis.drives.frame import ScannerScan
+from intervis.drives.pcd_file import rotation_of_quaternion
+from intervis.drives.regular_file import open_regular
+from intervis.drives.scan import Scan, coordinates, scan_of_rows
+from intervis.drives.vehicle_axes import sensor_from_velo
+from intervis.errors import (
+    CalibrationError,
+    CameraError,
+    DriveError,
+    MissingExtraError,
+    ScanError,
+)
+from intervis.transform import inverse, rigid
+
+log = logging.getLogger(__name__)
+
+EXPECTED_FILES = "sensors/lidar/*.feather (Argoverse 2)"
+SCANNERS = {"up_lidar": (0, 32), "down_lidar": (32, 64)}
+"""Laser numbers of each scanner; the first scanner gives the points of a frame."""
+
+MAIN_CAMERA = "ring_front_center"
+IMAGE_WITHIN_NS = 100_000_000
+"""An image belongs to a sweep where it was taken within this time of it."""
+
+POSE_WITHIN_NS = 1_000_000_000
+"""Poses farther apart in time are not interpolated."""
+
+FARTHEST_M = 1e9
+
+
+def find_roots(path: Path) -> list[Path]:
+    """Folders of logs: `path` itself, or those in it (``val``) or in its folders."""
+    for pattern in ("sensors/lidar", "*/sensors/lidar", "*/*/sensors/lidar"):
+        logs = [folder.parent.parent for folder in sorted(path.glob(pattern)) if _times(folder)]
+        if logs:
+            return logs
+    return []
+
+
+def _times(folder: Path, *endings: str) -> dict[int, Path]:
+    """Files that are named by nanoseconds, by time, sorted."""
+    if not folder.is_dir():
+        return {}
+    files = {
+        int(path.stem): path
+        for path in folder.iterdir()
+        if path.suffix.lower() in (endings or (".feather",))
+        and path.stem.isascii()
+        and path.stem.isdigit()
+        and len(path.stem) < 19
+    }
+    return dict(sorted(files.items()))
+
+
+def read_drive(root: Path, camera: str | None) -> Drive:
+    """Read the log in a folder that `find_roots` returned."""
+    sweeps = list(_times(root / "sensors" / "lidar").items())
+    places_path = root / "calibration" / "egovehicle_SE3_sensor.feather"
+    places = _places(places_path)
+    missing = [name for name in SCANNERS if name not in places]
+    if missing:
+        raise CalibrationError(f"{places_path} has no place of {' and '.join(missing)}.")
+    trajectory, pose_files = None, []
+    pose_path = root / "city_SE3_egovehicle.feather"
+    if pose_path.is_file():
+        trajectory, pose_files = _Trajectory.read(pose_path), [pose_path]
+    poses = {}
+    for number, (time_ns, _) in enumerate(sweeps):
+        world_from_ego = trajectory.at(time_ns) if trajectory else None
+        if world_from_ego is not None:
+            poses[number] = world_from_ego
+    annotations = root / "annotations.feather"
+    cameras = _cameras(root, places)
+    chosen = _pick_camera(camera, cameras, root)
+    images = _times(root / "sensors" / "cameras" / chosen, ".jpg", ".png") if chosen else {}
+    nearest = {
+        number: _nearest(list(images), time_ns) for number, (time_ns, _) in enumerate(sweeps)
+    }
+    reader = _Sweeps(tuple(path for _, path in sweeps), places, poses)
+    return Drive(
+        root=root,
+        name=root.name,
+        layout="argoverse",
+        scan_paths=dict(enumerate(path for _, path in sweeps)),
+        image_paths={
+            number: images[time_ns] for number, time_ns in nearest.items() if time_ns is not None
+        },
+        camera_names=tuple(cameras),
+        camera_name=chosen,
+        calibration=_Calibrations(
+            cameras[chosen],
+            places[chosen],
+            places["up_lidar"] @ sensor_from_velo(places["up_lidar"]),
+            {number: time_ns for number, time_ns in nearest.items() if time_ns is not None},
+            poses,
+            trajectory,
+        )
+        if chosen
+        else None,
+        poses={
+            number: world_from_ego @ reader.ego_from_velo("up_lidar")
+            for number, world_from_ego in poses.items()
+        }
+        or None,
+        timestamps_ns={number: time_ns for number, (time_ns, _) in enumerate(sweeps)},
+        metadata_files=(*sorted((root / "calibration").glob("*.feather")), *pose_files),
+        read=reader,
+        scanner="up_lidar",
+        read_other_scans=_OtherScans(reader, tuple(time_ns for time_ns, _ in sweeps)),
+        read_boxes=_Boxes(
+            annotations, reader.ego_from_velo("up_lidar"), tuple(time_ns for time_ns, _ in sweeps)
+        )
+        if annotations.is_file()
+        else None,
+    )
+
+
+def _nearest(times_ns: Sequence[int], time_ns: int) -> int | None:
+    """The time nearest to another within `IMAGE_WITHIN_NS`; None where there is none."""
+    place = bisect_left(times_ns, time_ns)
+    around = times_ns[max(0, place - 1) : place + 1]
+    best = min(around, key=lambda t: abs(t - time_ns), default=None)
+    return best if best is not None and abs(best - time_ns) <= IMAGE_WITHIN_NS else None
+
+
+# --- tables ---
+
+
+def _read_feather(path: Path, kind: type[DriveError]) -> NDArray[Any]:
+    """The columns of a Feather file as a structured array; texts are objects."""
+    try:
+        from pyarrow import feather
+    except ImportError:
+        raise MissingExtraError("pyarrow", "argoverse", "Reading Argoverse 2") from None
+    try:
+        with open_regular(path) as file:
+            # In this thread, where an exception can be caught; and checked, as damaged offsets of
+            # texts would otherwise be followed out of the file.
+            table = feather.read_table(file, memory_map=False, use_threads=False)
+        table.validate(full=True)
+        columns = {name: np.asarray(table[name].combine_chunks()) for name in table.column_names}
+    except FileNotFoundError:
+        raise kind(f"the file {path} is missing.") from None
+    except Exception as error:  # pyarrow raises various types on damaged files
+        reason = (str(error) or type(error).__name__).splitlines()[0][:200].rstrip(".")
+        raise kind(f"{path} is not a readable Feather file: {reason}.") from None
+    if len(table.column_names) != len(columns) or not columns or "" in columns:
+        raise kind(f"{path} is not a table of Argoverse 2: its columns have no or equal names.")
+    rows = np.empty(table.num_rows, [(name, column.dtype) for name, column in columns.items()])
+    for name, column in columns.items():
+        rows[name] = column
+    return rows
+
+
+def _numbers(path: Path, rows: NDArray[Any], *names: str) -> Float64Array:
+    """(N, len(names)) finite numbers of a table of calibration or poses."""
+    missing = [name for name in names if name not in (rows.dtype.names or ())]
+    if missing:
+        raise CalibrationError(f"{path} has no column {' '.join(missing)}.")
+    try:
+        values = np.column_stack([np.asarray(rows[name], np.float64) for name in names])
+    except (TypeError, ValueError):
+        values = np.full((1, 1), np.nan)
+    if not np.all(np.abs(values) < FARTHEST_M):
+        raise CalibrationError(f"{path} holds something else than numbers in {' '.join(names)}.")
+    return values
+
+
+def _names(path: Path, rows: NDArray[Any]) -> list[str]:
+    if "sensor_name" not in (rows.dtype.names or ()):
+        raise CalibrationError(f"{path} has no column sensor_name.")
+    names = [str(name) for name in rows["sensor_name"]]
+    if not all(name.isprintable() and len(name) < 100 and "/" not in name for name in names):
+        raise CalibrationError(f"{path} has names of sensors that are none.")
+    return names
+
+
+def _motions(path: Path, rows: NDArray[Any]) -> list[Float64Array]:
+    """Rigid motions of the rows: quaternion and translation."""
+    values = _numbers(path, rows, "qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
+    lengths = np.linalg.norm(values[:, :4], axis=1)
+    if not np.all((lengths > 1e-3) & (lengths < 1e3)):
+        raise CalibrationError(f"{path} holds a rotation that is no quaternion.")
+    return [rigid(rotation_of_quaternion(row[:4]), row[4:]) for row in values]
+
+
+def _places(path: Path) -> dict[str, Float64Array]:
+    """ego_from_sensor by the sensor's name."""
+    rows = _read_feather(path, CalibrationError)
+    return dict(zip(_names(path, rows), _motions(path, rows), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class _Trajectory:
+    """world_from_ego at rising times."""
+
+    times_ns: NDArray[np.int64]
+    poses: tuple[Float64Array, ...]
+
+    @classmethod
+    def read(cls, path: Path) -> "_Trajectory":
+        """Read ``city_SE3_egovehicle.feather``."""
+        rows = _read_feather(path, CalibrationError)
+        if "timestamp_ns" not in (rows.dtype.names or ()) or rows["timestamp_ns"].dtype.kind != "i":
+            raise CalibrationError(f"{path} has no times in whole nanoseconds.")
+        times_ns = rows["timestamp_ns"].astype(np.int64)
+        order = np.argsort(times_ns, kind="stable")
+        motions = _motions(path, rows)
+        return cls(times_ns[order], tuple(motions[place] for place in order))
+
+    def at(self, time_ns: int) -> Float64Array | None:
+        """The pose at a time, interpolated; None where no poses lie around it."""
+        place = int(np.searchsorted(self.times_ns, time_ns))
+        if place < len(self.times_ns) and self.times_ns[place] == time_ns:
+            return self.poses[place]
+        if place in (0, len(self.times_ns)):
+            return None
+        before_ns, after_ns = (int(self.times_ns[nth]) for nth in (place - 1, place))
+        if after_ns - before_ns > POSE_WITHIN_NS:
+            return None
+        share = (time_ns - before_ns) / (after_ns - before_ns)
+        return interpolated(self.poses[place - 1], self.poses[place], share)
+
+
+def interpolated(first: Float64Array, last: Float64Array, share: float) -> Float64Array:
+    """The pose at a share of the way between two: positions on a line, rotations at even speed.
+
+    Examples
+    --------
+    >>> turned = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [2.0, 0, 0])  # 90 degrees about z
+    >>> interpolated(np.eye(4), turned, 1 / 3).round(3)[:2].tolist()  # 30 degrees
+    [[0.866, -0.5, 0.0, 0.667], [0.5, 0.866, 0.0, 0.0]]
+    """
+    from scipy.spatial.transform import Rotation  # 0.4 s to import: only where it is needed
+
+    turn = Rotation.from_matrix(first[:3, :3].T @ last[:3, :3]).as_rotvec()
+    rotation = first[:3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
+    return rigid(rotation, (1 - share) * first[:3, 3] + share * last[:3, 3])
+
+
+# --- scanners ---
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweeps:
+    """Reads the points of one scanner of a sweep, into this scanner's frame."""
+
+    paths: tuple[Path, ...]
+    places: Mapping[str, Float64Array]
+    world_from_ego: Mapping[int, Float64Array]
+
+    def __call__(self, number: int) -> Scan:
+        return self.scan("up_lidar", number)
+
+    def ego_from_velo(self, scanner: str) -> Float64Array:
+        """The vehicle's frame from the scanner's."""
+        place = self.places[scanner]
+        return place @ sensor_from_velo(place)
+
+    def pose(self, scanner: str, number: int) -> Float64Array | None:
+        """World from the scanner's frame."""
+        if number not in self.world_from_ego:
+            return None
+        return self.world_from_ego[number] @ self.ego_from_velo(scanner)
+
+    def scan(self, scanner: str, number: int) -> Scan:
+        """The points of one scanner; `row` among the attributes is their row in the file."""
+        path = self.paths[number]
+        table = _read_feather(path, ScanError)
+        axes, points = coordinates(path, table)
+        names = table.dtype.names or ()
+        if "laser_number" not in names:
+            raise ScanError(f"the scan {path} has no laser_number, which tells its two scanners.")
+        if any(table[name].dtype.kind not in "fiu" for name in (*axes, "laser_number")):
+            raise ScanError(f"the scan {path} holds something else than numbers.")
+        first, end = SCANNERS[scanner]
+        own = np.flatnonzero((table["laser_number"] >= first) & (table["laser_number"] < end))
+        others = [name for name in names if name not in axes and table[name].dtype.kind in "fiu"]
+        scan = scan_of_rows(
+            path,
+            points[own].astype(np.float64),
+            velo_from_file=inverse(self.ego_from_velo(scanner)),
+        )
+        attributes = {name: np.ascontiguousarray(table[name][own]) for name in others}
+        return Scan(scan.points, {**attributes, "row": own})
+
+
+@dataclass(frozen=True, eq=False)
+class _OtherScans:
+    """Reads the lower scanner's points of a sweep."""
+
+    sweeps: _Sweeps
+    times_ns: tuple[int, ...]
+
+    def __call__(self, number: int) -> tuple[ScannerScan, ...]:
+        scan = self.sweeps.scan("down_lidar", number)
+        pose = self.sweeps.pose("down_lidar", number)
+        time_ns = self.times_ns[number]
+        return (ScannerScan("down_lidar", scan.points, scan.attributes, pose, time_ns),)
+
+
+# --- boxes ---
+
+
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """Reads the annotations of a sweep; they stand in the vehicle's frame."""
+
+    path: Path
+    ego_from_velo: Float64Array
+    times_ns: tuple[int, ...]
+
+    def __call__(self, number: int) -> tuple[Box, ...]:
+        rows = _read_feather(self.path, CalibrationError)
+        names = rows.dtype.names or ()
+        missing = [name for name in ("timestamp_ns", "track_uuid", "category") if name not in names]
+        if missing:
+            raise CalibrationError(f"{self.path} has no column {' '.join(missing)}.")
+        if rows["timestamp_ns"].dtype.kind != "i":
+            raise CalibrationError(f"{self.path} has no times in whole nanoseconds.")
+        rows = rows[rows["timestamp_ns"] == self.times_ns[number]]
+        sizes_m = _numbers(self.path, rows, "length_m", "width_m", "height_m")
+        velo_from_ego = inverse(self.ego_from_velo)
+        counts = rows["num_interior_pts"].tolist() if "num_interior_pts" in names else []
+        return tuple(
+            Box(
+                velo_from_ego @ ego_from_box,
+                size_m,
+                str(row["category"]),
+                str(row["track_uuid"]),
+                counts[nth] if counts and isinstance(counts[nth], int) else None,
+            )
+            for nth, (row, ego_from_box, size_m) in enumerate(
+                zip(rows, _motions(self.path, rows), sizes_m, strict=True)
+            )
+        )
+
+
+# --- cameras ---
+
+
+def _cameras(root: Path, places: Mapping[str, Float64Array]) -> dict[str, Camera]:
+    """Cameras by name; none where their intrinsics are not there."""
+    path = root / "calibration" / "intrinsics.feather"
+    if not path.is_file():
+        log.info("%s has no intrinsics of cameras: it is read without a camera.", root)
+        return {}
+    rows = _read_feather(path, CalibrationError)
+    keys = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px")
+    cameras = {}
+    for name, values in zip(_names(path, rows), _numbers(path, rows, *keys).tolist(), strict=True):
+        fx, fy, cx, cy, width, height = values
+        projection = np.array([[fx, 0, cx, 0], [0, fy, cy, 0], [0, 0, 1, 0]])
+        if name not in places:
+            raise CalibrationError(f"{path} has the camera {name!r:.60}, whose place is missing.")
+        try:
+            cameras[name] = Camera(projection, round(width), round(height), name=name)
+        except CameraError as error:
+            raise CalibrationError(f"{path}, {name!r:.60}: {error}") from None
+    return dict(sorted(cameras.items()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Calibrations:
+    """Camera and extrinsics of each frame: the vehicle moves between sweep and image."""
+
+    camera: Camera
+    ego_from_cam: Float64Array
+    ego_from_velo: Float64Array
+    image_times_ns: Mapping[int, int]
+    world_from_ego: Mapping[int, Float64Array]
+    trajectory: _Trajectory | None
+
+    def __call__(self, number: int) -> CameraCalibration:
+        ego_from_ego = np.eye(4)  # of the image from that of the sweep
+        time_ns = self.image_times_ns.get(number)
+        if self.trajectory and time_ns is not None and number in self.world_from_ego:
+            at_image = self.trajectory.at(time_ns)
+            if at_image is not None:
+                ego_from_ego = inverse(at_image) @ self.world_from_ego[number]
+        cam_from_velo = inverse(self.ego_from_cam) @ ego_from_ego @ self.ego_from_velo
+        return CameraCalibration(self.camera, cam_from_velo)
+
+
+def _pick_camera(asked: str | None, cameras: Mapping[str, Camera], root: Path) -> str | None:
+    if asked is None:
+        return MAIN_CAMERA if MAIN_CAMERA in cameras else next(iter(cameras), None)
+    if asked in cameras:
+        return asked
+    available = ", ".join(cameras) or "none"
+    raise DriveError(f"{root} has no camera {asked!r:.60}; available cameras: {available}.")

@@ -1,0 +1,331 @@
+"""Small valid files of all kinds that are read, each in its own drive: seeds of fuzzing."""
+
+import io
+import struct
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from argoverse_writer import TIMES_NS, motions, write_log, write_table
+from drive_layouts import (
+    pose_line,
+    write_kitti_object,
+    write_kitti_odometry,
+    write_kitti_raw,
+    write_png,
+    write_scan,
+    write_text,
+)
+from nuscenes_writer import write_scene
+from scanned_room import scanned_room
+from scipy.spatial.transform import Rotation
+
+from intervis.drives import nuscenes as nuscenes_layout
+from intervis.drives import open_drive
+from intervis.settings import Settings
+
+
+class Target(NamedTuple):
+    """`write` makes a valid drive and returns the file that is to be changed, `read` reads all."""
+
+    write: Callable[[Path], Path]
+    read: Callable[[Path], object]
+
+
+def read_whole_drive(root: Path) -> int:
+    """Points, cameras, poses, images, labels and fingerprint of a drive."""
+    drive = open_drive(root)
+    count = 0
+    for frame in drive:
+        count += len(frame.points) + len(repr(frame))
+        _ = (frame.viewpoint_velo, frame.image, frame.point_classes, frame.timestamp_s)
+        count += len(frame.boxes)
+        count += sum(len(scan.points) for scan in frame.scans)
+    return count + len(drive.fingerprint()["digest"])
+
+
+def room(count: int = 100) -> np.ndarray:
+    return scanned_room(beams=2, step_deg=2.0)[:count]
+
+
+def scan_file(name: str, content: bytes) -> Target:
+    def write(folder: Path) -> Path:
+        path = folder / name
+        path.write_bytes(content)
+        return path
+
+    return Target(write, read_whole_drive)
+
+
+def pcd(data: str, viewpoint: str = "1 2 0.5 0.9 0.1 0 0.3") -> bytes:
+    points = room().astype("<f4")
+    ring, normal = np.arange(len(points), dtype="<u2"), points[:, [2, 0]].copy()
+    head = (
+        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z ring _ normal\n"
+        "SIZE 4 4 4 2 1 4\nTYPE F F F U U F\nCOUNT 1 1 1 1 2 2\n"
+        f"WIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT {viewpoint}\nPOINTS {len(points)}\nDATA {data}\n"
+    ).encode()
+    if data == "ascii":
+        rows = zip(points.tolist(), ring.tolist(), normal.tolist(), strict=True)
+        lines = (f"{x} {y} {z} {nth} 0 0 {a} {b}\n" for (x, y, z), nth, (a, b) in rows)
+        return head + "".join(lines).encode()
+    if data == "binary":
+        rows = zip(points, ring, normal, strict=True)
+        return head + b"".join(
+            point.tobytes() + nth.tobytes() + b"\0\0" + pair.tobytes() for point, nth, pair in rows
+        )
+    columns = points.T.tobytes() + ring.tobytes() + bytes(2 * len(points)) + normal.tobytes()
+    runs = [columns[start : start + 32] for start in range(0, len(columns), 32)]
+    packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
+    return head + struct.pack("<II", len(packed), len(columns)) + packed
+
+
+def ply(form: str) -> bytes:
+    points = room()
+    head = (
+        f"ply\nformat {form} 1.0\ncomment made by hand\nelement face 2\n"
+        "property list uchar int vertex_indices\n"
+        f"element vertex {len(points)}\nproperty float x\nproperty double y\nproperty float z\n"
+        "property uchar ring\nproperty list uchar short near\nend_header\n"
+    ).encode()
+    if form == "ascii":
+        lines = (f"{x} {y} {z} {nth % 256} 2 3 4\n" for nth, (x, y, z) in enumerate(points))
+        return head + b"3 0 1 2\n4 0 1 2 3\n" + "".join(lines).encode()
+    order = ">" if "big" in form else "<"
+    faces = struct.pack(order + "B3iB4i", 3, 0, 1, 2, 4, 0, 1, 2, 3)
+    return (
+        head
+        + faces
+        + b"".join(
+            struct.pack(order + "fdfBB2h", x, y, z, nth % 256, 2, 3, 4)
+            for nth, (x, y, z) in enumerate(points)
+        )
+    )
+
+
+def floats(width: int) -> bytes:
+    points = room()
+    ring = np.arange(len(points)) % 32
+    columns = [points, *(np.stack([ring / 32, ring])[: width - 3])]
+    return np.column_stack(columns).astype("<f4").tobytes()
+
+
+def npy(kind: str) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, room().astype(kind))
+    return buffer.getvalue()
+
+
+def kitti_raw(name: str, text: str | None = None) -> Target:
+    """A drive of KITTI raw, of which one text file is changed."""
+
+    def write(folder: Path) -> Path:
+        root = write_kitti_raw(folder, scans=(0, 1))
+        path = root / name
+        return path if text is None else write_text(path, text)
+
+    return Target(write, lambda folder: read_whole_drive(folder))
+
+
+def odometry(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        root = write_kitti_odometry(folder)
+        write_text(root / "poses.txt", f"{pose_line(0)}\n{pose_line(0, 0, 3)}\n")
+        write_text(root / "times.txt", "0.5\n1700000000.6\n")
+        np.arange(5, dtype="<u4").tofile(write_text(root / "labels/000001.label", ""))
+        return root / name
+
+    return Target(write, read_whole_drive)
+
+
+def tracking(name: str, text: str) -> Target:
+    def write(folder: Path) -> Path:
+        base = folder / "training"
+        write_scan(base / "velodyne/0000/000000.bin", 0)
+        calibration = (
+            "P0: 7 0 6 3 0 7 1 0 0 0 1 0\nP2: 7 0 6 3 0 7 1 0 0 0 1 0\n"
+            "R_rect 1 0 0 0 1 0 0 0 1\nTr_velo_cam 0 -1 0 0 0 0 -1 0 1 0 0 0\n"
+            "Tr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0\n"
+        )
+        write_text(base / "calib/0000.txt", calibration)
+        write_text(base / "oxts/0000.txt", "48.1 8.2 100.5 0.1 0.2 0.3\n")
+        return write_text(base / name, text or calibration)
+
+    return Target(write, read_whole_drive)
+
+
+def kitti_object(name: str) -> Target:
+    return Target(lambda folder: write_kitti_object(folder, scans=(0, 1)) / name, read_whole_drive)
+
+
+def stations_3dtk(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        rows = "".join(f"{x} {y} {z} 0.5\n" for x, y, z in (100 * room(40)).tolist())
+        write_text(folder / "scan001.3d", rows)
+        write_text(folder / "scan001.pose", "100 -20.5 3e1\n0.1 90 -7\n")
+        return folder / name
+
+    return Target(write, read_whole_drive)
+
+
+def ptx() -> str:
+    """Two stations of 5 x 4 points."""
+    head = "5\n4\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n{} 3 1\n"
+    rows = "".join(f"{x:.6f} {y:.6f} {z:.6f} 0.5 1 2 3\n" for x, y, z in room(20).tolist())
+    return head.format("1 2") + rows + head.format("0 0") + rows
+
+
+def nuscenes(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        tables = write_scene(folder)
+        sample = tables.tables["sample"][0]["token"]
+        tables.tables |= {"sample_annotation": [], "instance": [], "category": []}
+        category = tables.add("category", name="vehicle.car")
+        tables.add(
+            "sample_annotation",
+            sample_token=sample,
+            instance_token=tables.add("instance", category_token=category),
+            translation=[100, 205, 1],
+            rotation=[0.9, 0, 0, 0.1],
+            size=[1.8, 4.5, 1.5],
+            num_lidar_pts=17,
+        )
+        tables.write()
+        for path in folder.rglob("*.jpg"):  # written without content
+            path.unlink()
+        return tables.folder / f"{name}.json"
+
+    def read(folder: Path) -> int:
+        nuscenes_layout._annotations.cache_clear()
+        return read_whole_drive(folder / "scene-0061")
+
+    return Target(write, read)
+
+
+def argoverse(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        root = write_log(folder)
+        for path in root.rglob("*.jpg"):  # written without content
+            path.unlink()
+        still = (Rotation.identity(), [0, 0, 0])
+        write_table(
+            root / "annotations.feather",
+            timestamp_ns=np.array(TIMES_NS),
+            track_uuid=["a", "b"],
+            category=["BICYCLE", "DOG"],
+            length_m=[1.6, 0.8],
+            width_m=[0.5, 0.3],
+            height_m=[1.25, 0.6],
+            num_interior_pts=[24, 0],
+            **motions(still, still),
+        )
+        return root / name
+
+    return Target(write, read_whole_drive)
+
+
+def e57_file(folder: Path) -> Path:
+    import pye57
+
+    path = folder / "0.e57"
+    file = pye57.E57(str(path), mode="w")
+    data = {f"cartesian{axis}": room()[:, nth] for nth, axis in enumerate("XYZ")}
+    file.write_scan_raw(data, rotation=np.array([1.0, 0, 0, 0]), translation=np.ones(3))
+    file.close()
+    return path
+
+
+NUSCENES_TABLES = (
+    "scene",
+    "sample",
+    "sample_data",
+    "ego_pose",
+    "calibrated_sensor",
+    "sensor",
+    "sample_annotation",
+    "instance",
+    "category",
+)
+
+
+LABEL = "Car 0.00 0 1.85 387 181 423 203 1.5 1.6 4 2 1.7 10 1.57"
+
+
+def kitti_labels() -> Target:
+    def write(folder: Path) -> Path:
+        root = write_kitti_object(folder, scans=(0, 1))
+        return write_text(root / "label_2/000000.txt", f"{LABEL}\nDontCare -1 -1 -10\n{LABEL}\n")
+
+    return Target(write, read_whole_drive)
+
+
+def image(name: str, save: Callable[[Path], None]) -> Target:
+    def write(folder: Path) -> Path:
+        root = write_kitti_object(folder, scans=(0,))
+        (root / "image_2/000000.png").unlink()
+        path = root / "image_2" / name
+        save(path)
+        return path
+
+    return Target(write, read_whole_drive)
+
+
+def save_jpeg(path: Path) -> None:
+    from PIL import Image
+
+    Image.new("RGB", (24, 16), (200, 30, 90)).save(path)
+
+
+def settings_file(folder: Path) -> Path:
+    return write_text(folder / "settings.toml", Settings(tau=20).to_toml())
+
+
+TARGETS = {
+    "bin of four": scan_file("0.bin", floats(4)),
+    "bin of five": scan_file("0.bin", floats(5)),
+    "pcd.bin": scan_file("0.pcd.bin", floats(5)),
+    "npy float32": scan_file("0.npy", npy("<f4")),
+    "npy float64": scan_file("0.npy", npy("<f8")),
+    "pcd ascii": scan_file("0.pcd", pcd("ascii")),
+    "pcd binary": scan_file("0.pcd", pcd("binary")),
+    "pcd compressed": scan_file("0.pcd", pcd("binary_compressed", "0 0 0 1 0 0 0")),
+    "ply ascii": scan_file("0.ply", ply("ascii")),
+    "ply little endian": scan_file("0.ply", ply("binary_little_endian")),
+    "ply big endian": scan_file("0.ply", ply("binary_big_endian")),
+    "poses": kitti_raw("poses.txt", f"{pose_line(0)}\n{pose_line(1.5, -2, 1e-3)}\n"),
+    "timestamps": kitti_raw(
+        "velodyne_points/timestamps.txt", "2011-09-26 13:02:25.967790592\n" * 2
+    ),
+    "oxts": kitti_raw("oxts/data/0000000000.txt", "48.1 8.2 100.5 0.1 0.2 0.3 1 2\n"),
+    "calibration of cameras": kitti_raw("../calib_cam_to_cam.txt"),
+    "calibration of the scanner": kitti_raw("../calib_velo_to_cam.txt"),
+    "odometry calibration": odometry("calib.txt"),
+    "odometry poses": odometry("poses.txt"),
+    "odometry times": odometry("times.txt"),
+    "labels": odometry("labels/000001.label"),
+    "tracking calibration": tracking("calib/0000.txt", ""),
+    "tracking oxts": tracking("oxts/0000.txt", "48.1 8.2 100.5 0.1 0.2 0.3\n"),
+    "object labels": kitti_labels(),
+    "tracking labels": tracking("label_02/0000.txt", f"0 3 {LABEL}\n0 -1 {LABEL}\n1 3 {LABEL}\n"),
+    "object calibration": kitti_object("calib/000000.txt"),
+    "3dtk": stations_3dtk("scan001.3d"),
+    "3dtk pose": stations_3dtk("scan001.pose"),
+    "ptx": scan_file("0.ptx", ptx().encode()),
+    **{f"nuScenes {name}": nuscenes(name) for name in NUSCENES_TABLES},
+    "png": image("000000.png", lambda path: write_png(path, 24, 16, grey=77)),
+    "jpeg": image("000000.jpg", save_jpeg),
+    "settings": Target(settings_file, lambda folder: Settings.from_toml(folder / "settings.toml")),
+}
+if find_spec("pyarrow"):  # extra argoverse
+    TARGETS |= {
+        "Argoverse sweep": argoverse(f"sensors/lidar/{TIMES_NS[1]}.feather"),
+        "Argoverse poses": argoverse("city_SE3_egovehicle.feather"),
+        "Argoverse places": argoverse("calibration/egovehicle_SE3_sensor.feather"),
+        "Argoverse annotations": argoverse("annotations.feather"),
+        "Argoverse intrinsics": argoverse("calibration/intrinsics.feather"),
+    }
+if find_spec("pye57"):  # extra e57
+    TARGETS["e57"] = Target(e57_file, read_whole_drive)
+"""Targets by name."""
