@@ -91,14 +91,15 @@ def test_the_engine_reaches_its_documented_scores(drive):
         drive, pairs=PAIRS, settings=HeldOutSettings(rate_hz=10.0)
     ).result_of()
     assert single.mean.mcc > 0.57
-    assert single.mean_of("static").mcc_answered > 0.90
+    assert single.mean_of("static").mcc_answered > 0.84
     mapped = evaluate_held_out(
         drive, pairs=PAIRS, protocol="map", settings=HeldOutSettings(rate_hz=10.0)
     ).result_of()
-    assert mapped.mean.mcc > 0.84
+    assert mapped.mean.mcc > 0.85
     assert mapped.mean.auc > 0.95
     assert mapped.mean.brier < 0.06
-    assert mapped.mean.aurc < 0.017
+    assert mapped.mean.aurc < 0.04
+    assert mapped.mean.reliability.max_calibration_error < 0.2
 
 
 @pytest.mark.slow
