@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from intervis.sight.kernels.batch import FIRST, INCREMENT, STEP_M, lay_out
+from intervis.sight.kernels.batch import BRACKETED, FIRST, INCREMENT, STEP_M, lay_out
 from intervis.sight.kernels.dynamics import find_bracketing
 from intervis.sight.kernels.march import order_ends
 from intervis.sight.kernels.packed_scans import choose_scans
@@ -13,7 +13,7 @@ def laid_out(lengths, begin=0, step_m=0.25, end_margin_m=0.375):
     """Lines of these lengths along x: how many fit, their columns and their offsets."""
     first = np.zeros((len(lengths), 3))
     second = first + [[length, 0.0, 0.0] for length in lengths]
-    lines, offsets = np.full((64, 13), np.nan), np.full((64, 3), -1)
+    lines, offsets = np.full((64, BRACKETED + 1), np.nan), np.full((64, 3), -1)
     count = lay_out(first, second, begin, step_m, end_margin_m, lines, offsets)
     return count, lines[:count], offsets[:count].tolist()
 
@@ -46,7 +46,7 @@ def test_a_line_has_equal_steps_and_no_samples_within_its_margins(length_m, step
 
 def test_the_length_of_a_line_counts_all_three_axes():
     first, second = np.array([[1.0, 2.0, 3.0]]), np.array([[3.0, 5.0, 9.0]])  # 2, 3, 6: 7 m
-    lines, offsets = np.empty((64, 13)), np.empty((64, 3), np.int64)
+    lines, offsets = np.empty((64, BRACKETED + 1)), np.empty((64, 3), np.int64)
     assert lay_out(first, second, 0, 0.25, 0.375, lines, offsets) == 1
     assert lines[0, STEP_M] == 0.25
     assert offsets[0].tolist() == [0, 24, 24]
@@ -109,7 +109,7 @@ def test_the_distance_of_a_scan_counts_all_three_axes():
 def test_scans_that_bracket_a_query_are_half_a_metre_apart(apart_m, rank):
     position = np.array([[0.0, 0.0, 0.0], [apart_m, 0.0, 0.0]])
     a, b = np.array([[0.25, 0.0, 0.0]]), np.array([[9.0, 9.0, 0.0]])
-    table = np.full((1, 13), np.nan)
+    table = np.full((1, BRACKETED + 1), np.nan)
     find_bracketing(position, np.full(2, np.nan), a, b, np.array([[0, 1]]), table)
     assert table[0, 12] == rank
     assert table[0, 9:12].tolist() == pytest.approx([1.0, 0.0, 0.25 / apart_m])
@@ -118,7 +118,7 @@ def test_scans_that_bracket_a_query_are_half_a_metre_apart(apart_m, rank):
 def test_a_query_time_outside_the_scans_is_decided_by_the_nearest():
     position = np.array([[0.0, 0.0, 0.0], [4.0, 3.0, 0.0], [8.0, 6.0, 0.0]])
     a, b = np.zeros((1, 3)), np.ones((1, 3))
-    chosen, table = np.array([[0, 1, 2]]), np.empty((1, 13))
+    chosen, table = np.array([[0, 1, 2]]), np.empty((1, BRACKETED + 1))
     find_bracketing(position, np.array([-1.0, -2.0, -3.0]), a, b, chosen, table)
     assert table[0, 12] == -1.0
     find_bracketing(position, np.array([-1.0, -2.0, 3.0]), a, b, chosen, table)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from intervis.sight.kernels.batch import (
+    BRACKETED,
     BRACKETING,
     BY_BRACKETING,
     BY_NEAREST,
@@ -36,7 +37,7 @@ def found(nearest, bracketing, height, rank):
         bracketing,
         height,
     )
-    lines = np.zeros((2, 13))
+    lines = np.zeros((2, BRACKETED + 1))
     lines[1, BRACKETING] = rank
     offsets = np.array([[0, 3, 8], [8, 20, 24]])
     find_dynamic(samples, lines, offsets, 2, RULE)

@@ -10,7 +10,7 @@ from intervis.sight import HDL_64E, Scene
 from intervis.sight.ground_map import ground_map_of
 from intervis.sight.kernels import rasterize as kernels
 from intervis.sight.kernels import terrain
-from intervis.sight.kernels.batch import BRACKETING, DIRECTION
+from intervis.sight.kernels.batch import BRACKETED, BRACKETING, DIRECTION
 from intervis.sight.kernels.dynamics import find_bracketing
 from intervis.sight.range_image import range_image_of
 
@@ -310,7 +310,7 @@ def test_the_bracketing_scan_is_the_nearest_on_the_other_side(rng, timed):
     b[::4] = 2.0 * position[0] - a[::4]  # both ends equally far from the first scan
     chosen = np.array([rng.permutation(scans)[:4] for _ in range(lines)])
     chosen[::4, 0] = 0
-    table = np.zeros((lines, 13))
+    table = np.zeros((lines, BRACKETED + 1))
     find_bracketing(position, offset_s, a, b, chosen, table)
     ranks = set()
     for i in range(lines):
@@ -337,6 +337,6 @@ def test_the_nearer_end_is_found_in_three_dimensions():
     """One end is nearer only because of the sensor's height."""
     position = np.array([[0.0, 0.0, 3.0], [10.0, 0.0, 3.0], [-10.0, 0.0, 3.0]])
     a, b = np.array([[4.0, 0.0, -3.0]]), np.array([[-5.0, 0.0, 4.0]])
-    table = np.zeros((1, 13))
+    table = np.zeros((1, BRACKETED + 1))
     find_bracketing(position, np.full(3, np.nan), a, b, np.array([[0, 1, 2]]), table)
     assert table[0, BRACKETING] == 2, "b is nearer: 5.1 m against 7.2 m"

@@ -62,8 +62,8 @@ def test_lines_between_free_points(name: str, rng) -> None:
     truth = world.visible(first, second)
     answered, right, visible, occluded = compared(scene, first, second, truth)
     assert answered > 0.93
-    assert right > 0.995
-    assert visible > 0.995
+    assert right > 0.99
+    assert visible > 0.99  # the default risk allows 0.95
     if name in ("plane", "step"):  # no line between beams of one sensor is blocked
         assert truth.all()
         assert np.isnan(occluded)
@@ -87,4 +87,4 @@ def test_lines_from_free_points_to_returns(name: str, rng) -> None:
     assert valid.mean() > 0.85
     assert answered > 0.8
     assert right > 0.965
-    assert visible > 0.99
+    assert visible > 0.98
