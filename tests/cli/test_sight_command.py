@@ -32,6 +32,13 @@ def test_a_wall(wall, target, state, capsys):
     assert not err
 
 
+def test_a_lower_risk_leaves_a_line_unknown(wall, capsys):
+    asked = ["sight", str(wall), "--from", "sensor", "--to", "30,1,0"]
+    for risk, state in (("0.2", "Occluded:"), ("0.001", "Unknown:")):
+        assert exit_code([*asked, "--risk", risk]) == 0
+        assert state in capsys.readouterr().out
+
+
 def test_the_blocker_is_on_the_wall(wall, capsys):
     assert exit_code(["sight", str(wall), "--from", "0,0,0", "--to", "20,2,0"]) == 0
     out = capsys.readouterr().out
@@ -53,6 +60,7 @@ def test_the_blocker_is_on_the_wall(wall, capsys):
         (["--from", "0,0,0", "--to", "1,2,3", "--frames", "0:2"], "by their poses"),
         (["--from", "0,0,0", "--to", "1,2,3", "--frames", "x"], "--frames must be A:B"),
         (["--from", "0,0,0"], "--to"),
+        (["--from", "0,0,0", "--to", "1,2,3", "--risk", "0.5"], "--risk must be from 0.001 to 0.2"),
     ],
 )
 def test_a_wrong_request_is_a_one_line_message(words, said, tmp_path, capsys):

@@ -50,6 +50,13 @@ def sight(
             help="Draw the sight line, and the returns that are visible from its start.",
         ),
     ] = None,
+    risk: Annotated[
+        float | None,
+        typer.Option(
+            metavar="R",
+            help="How often visible and occluded may each be wrong, 0.001 to 0.2; default: 0.05.",
+        ),
+    ] = None,
     camera: CameraName = None,
 ) -> None:
     """Explain one sight line.
@@ -63,8 +70,13 @@ def sight(
     import numpy as np
 
     from intervis.drives import open_drive
+    from intervis.errors import SettingsError
     from intervis.sight import explain
+    from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE
 
+    risk = DEFAULT_RISK if risk is None else risk
+    if not RISK_RANGE[0] <= risk <= RISK_RANGE[1]:
+        raise SettingsError(f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {risk}.")
     drive = open_drive(source, camera=camera)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
     from_point = _in_frame(now, given_start, "--from")
@@ -74,13 +86,13 @@ def sight(
         scene = registered_scene(drive, now, numbers, advance)
         # at the time of frame N, if every scan has a timestamp
         moment_s = None if np.isnan(scene.timestamps_s).any() else 0.0
-        explained = explain(scene, from_point, to_point, moment_s=moment_s)
+        explained = explain(scene, from_point, to_point, risk=risk, moment_s=moment_s)
         advance("sight line")
     scans = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
     show(f"{drive.name}, frame {now.number}, {scans}; coordinates in its sensor frame.")
     show(str(explained))
     if picture is not None:
-        _draw(picture, now, scene, from_point, to_point, moment_s, explained)
+        _draw(picture, now, scene, from_point, to_point, (risk, moment_s), explained)
         show(f"Picture: {picture}")
 
 
@@ -154,7 +166,7 @@ def _draw(
     scene: "Scene",
     start: Point,
     end: Point,
-    moment_s: float | None,
+    asked: tuple[float, float | None],
     explained: "Explanation",
 ) -> None:
     import numpy as np
@@ -164,6 +176,7 @@ def _draw(
     from intervis.plots.style import save_figure
 
     points = now.points[finite_rows(now.points)]
-    answers = scene.sight(start, points, moment_s=moment_s)
+    risk, moment_s = asked
+    answers = scene.sight(start, points, risk=risk, moment_s=moment_s)
     figure = sight_from_above(points, answers, np.array(start), explained, np.array(end))
     save_figure(figure, path, path.suffix[1:].lower())
