@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.drives.boxes import Box
-from intervis.drives.calibration import CameraCalibration
+from intervis.drives.calibration import CameraCalibration, pick_named_camera
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
 from intervis.drives.pcd_file import rotation_of_quaternion
@@ -95,7 +95,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
             poses[number] = world_from_ego
     annotations = root / "annotations.feather"
     cameras = _cameras(root, places)
-    chosen = _pick_camera(camera, cameras, root)
+    chosen = pick_named_camera(camera, cameras, MAIN_CAMERA, root)
     images = _times(root / "sensors" / "cameras" / chosen, ".jpg", ".png") if chosen else {}
     nearest = {
         number: _nearest(list(images), time_ns) for number, (time_ns, _) in enumerate(sweeps)
@@ -404,12 +404,3 @@ class _Calibrations:
                 ego_from_ego = inverse(at_image) @ self.world_from_ego[number]
         cam_from_velo = inverse(self.ego_from_cam) @ ego_from_ego @ self.ego_from_velo
         return CameraCalibration(self.camera, cam_from_velo)
-
-
-def _pick_camera(asked: str | None, cameras: Mapping[str, Camera], root: Path) -> str | None:
-    if asked is None:
-        return MAIN_CAMERA if MAIN_CAMERA in cameras else next(iter(cameras), None)
-    if asked in cameras:
-        return asked
-    available = ", ".join(cameras) or "none"
-    raise DriveError(f"{root} has no camera {asked!r:.60}; available cameras: {available}.")

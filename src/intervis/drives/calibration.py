@@ -246,6 +246,31 @@ def raw_camera_names(folder: Path) -> tuple[str, ...]:
     return read_calibration_file(folder / RAW_FILES[0]).camera_names("P_rect_")
 
 
+def pick_named_camera(
+    asked: str | None, names: Collection[str], usual: str, drive: Path
+) -> str | None:
+    """Name of the camera to use, of cameras with names of their own; None where there is none.
+
+    The default is the camera `usual`, or else the first one.
+
+    Raises
+    ------
+    DriveError
+        The drive has no such camera.
+
+    Examples
+    --------
+    >>> pick_named_camera(None, ["CAM_BACK", "CAM_FRONT"], "CAM_FRONT", Path("drive"))
+    'CAM_FRONT'
+    """
+    if asked is None:
+        return usual if usual in names else next(iter(names), None)
+    if asked in names:
+        return asked
+    available = ", ".join(names) or "none"
+    raise DriveError(f"{drive} has no camera {asked!r:.60}; available cameras: {available}.")
+
+
 def pick_camera(
     asked: str | None, names: tuple[str, ...], with_images: Collection[str], drive: Path
 ) -> str | None:

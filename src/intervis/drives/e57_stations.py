@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from intervis.arrays import Float64Array
 from intervis.drives.drive import Drive
 from intervis.drives.pcd_file import rotation_of_quaternion
-from intervis.drives.regular_file import open_regular
+from intervis.drives.regular_file import files_with_ending, open_regular
 from intervis.drives.scan import Scan, scan_of_rows
 from intervis.errors import CalibrationError, DriveError, MissingExtraError, ScanError
 from intervis.transform import rigid
@@ -45,15 +45,7 @@ class StationReader:
 
 def find_roots(path: Path) -> list[Path]:
     """`path`, if there are E57 files in it."""
-    return [path] if _files(path) else []
-
-
-def _files(path: Path) -> list[Path]:
-    return sorted(
-        file
-        for file in path.iterdir()
-        if file.name.lower().endswith(ENDING) and file.is_file() and not file.name.startswith(".")
-    )
+    return [path] if files_with_ending(path, ENDING) else []
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
@@ -62,7 +54,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         raise DriveError(f"{root} has no camera {camera!r:.60}: E57 files hold stations alone.")
     stations: list[tuple[Path, int]] = []
     poses: dict[int, Float64Array] = {}
-    for path in [root] if root.is_file() else _files(root):
+    for path in [root] if root.is_file() else files_with_ending(root, ENDING):
         for index, pose in enumerate(_poses(path)):
             if pose is not None:
                 poses[len(stations)] = pose

@@ -23,7 +23,7 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.drives.boxes import Box
-from intervis.drives.calibration import CameraCalibration
+from intervis.drives.calibration import CameraCalibration, pick_named_camera
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
 from intervis.drives.nuscenes_tables import (
@@ -136,7 +136,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         raise DriveError(f"{root} has no sweeps of a scanner in its tables.")
     main = (scanners.get(MAIN_SCANNER) or next(iter(scanners.values())))[1]
     cameras = {name: found[1] for name, found in channels.items() if found[0] == "camera"}
-    chosen = _pick_camera(camera, cameras, root)
+    chosen = pick_named_camera(camera, cameras, MAIN_CAMERA, root)
     there = {number: sweep for number, sweep in enumerate(main.sweeps) if sweep.path.is_file()}
     if not there:
         raise DriveError(f"none of the sweeps of {root} is there, such as {main.sweeps[0].path}.")
@@ -372,12 +372,3 @@ class _SceneCalibration:
         assert image.camera is not None
         world_from_cam = image.world_from_ego @ image.ego_from_sensor
         return CameraCalibration(image.camera, inverse(world_from_cam) @ _world_from_velo(sweep))
-
-
-def _pick_camera(asked: str | None, cameras: Mapping[str, _Channel], root: Path) -> str | None:
-    if asked is None:
-        return MAIN_CAMERA if MAIN_CAMERA in cameras else next(iter(cameras), None)
-    if asked in cameras:
-        return asked
-    available = ", ".join(cameras) or "none"
-    raise DriveError(f"{root} has no camera {asked!r:.60}; available cameras: {available}.")

@@ -18,7 +18,7 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.drives.calibration import parse_numbers
 from intervis.drives.drive import Drive
-from intervis.drives.regular_file import open_regular
+from intervis.drives.regular_file import files_with_ending, open_regular
 from intervis.drives.scan import Scan, scan_of_rows
 from intervis.drives.viewpoint import stands_at_pose
 from intervis.errors import CalibrationError, DriveError, PoseError, ScanError
@@ -72,22 +72,14 @@ class StationReader:
 
 def find_roots(path: Path) -> list[Path]:
     """`path`, if there are PTX files in it."""
-    return [path] if _files(path) else []
-
-
-def _files(path: Path) -> list[Path]:
-    return sorted(
-        file
-        for file in path.iterdir()
-        if file.name.lower().endswith(ENDING) and file.is_file() and not file.name.startswith(".")
-    )
+    return [path] if files_with_ending(path, ENDING) else []
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the stations of a file, or of all files of a folder, numbered from 0."""
     if camera is not None:
         raise DriveError(f"{root} has no camera {camera!r}: PTX files hold stations alone.")
-    paths = [root] if root.is_file() else _files(root)
+    paths = [root] if root.is_file() else files_with_ending(root, ENDING)
     if root.is_dir() and any(path.suffix.lower() == ".e57" for path in root.iterdir()):
         raise DriveError(f"{root} holds stations in PTX and in E57; give the path of one file.")
     stations = [station for path in paths for station in read_stations(path)]

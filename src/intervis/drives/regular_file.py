@@ -18,3 +18,12 @@ def open_regular(path: Path) -> BinaryIO:
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # opening a folder has its own error
         raise OSError(errno.EINVAL, "it is a pipe or a device, not a file", str(path))
     return path.open("rb")
+
+
+def files_with_ending(folder: Path, ending: str) -> list[Path]:
+    """Regular files of a folder with an ending, in any case, by name, without hidden ones."""
+    return sorted(
+        file
+        for file in folder.iterdir()
+        if file.name.lower().endswith(ending) and file.is_file() and not file.name.startswith(".")
+    )

@@ -156,9 +156,7 @@ def _second_differences(size: int) -> sparse.csr_array:
 def line_depths(table: SampleTable, fitted: Mapping[str, Any]) -> LineDepths:
     """Optical depths of the lines under the curves of a fitted file, without occluded ends."""
     likelihood = _likelihood_of(table, {**fitted, "end_occluded_depth": 0.0})
-    curves = [np.asarray(fitted[name], dtype=np.float64) for name in CURVES]
-    ends = np.log([fitted[name] for name in ATTENUATION])
-    x, movable, _, _ = likelihood.optical_depth(np.concatenate([*curves, ends]))
+    x, movable, _, _ = likelihood.optical_depth(_theta(fitted))
     return LineDepths(
         x,
         movable,
@@ -168,6 +166,12 @@ def line_depths(table: SampleTable, fitted: Mapping[str, Any]) -> LineDepths:
         table.visible,
         table.weight,
     )
+
+
+def _theta(fitted: Mapping[str, Any]) -> Float64Array:
+    """The numbers of a fitted file that `_Likelihood` varies."""
+    curves = [np.asarray(fitted[name], dtype=np.float64) for name in CURVES]
+    return np.concatenate([*curves, np.log([fitted[name] for name in ATTENUATION])])
 
 
 def _likelihood_of(table: SampleTable, fitted: Mapping[str, Any]) -> _Likelihood:
@@ -218,9 +222,7 @@ def fit_curves(
 
 def loss_of(table: SampleTable, fitted: Mapping[str, Any]) -> float:
     """Mean negative log-likelihood per line under the numbers of a fitted file."""
-    curves = [np.asarray(fitted[name], dtype=np.float64) for name in CURVES]
-    ends = np.log([fitted[name] for name in ATTENUATION])
-    return _likelihood_of(table, fitted).loss(np.concatenate([*curves, ends]))
+    return _likelihood_of(table, fitted).loss(_theta(fitted))
 
 
 def choose_weights(
