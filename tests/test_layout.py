@@ -31,7 +31,7 @@ SIGHT_LAYERS = (
     ("ground_map", "occupancy_model", "projected_scan"),
     ("sensor",),
     ("answers", "range_image"),
-    ("reference", "scan_buffer"),
+    ("reference", "scan_buffer", "sight"),
     ("scene",),
     ("explanation",),
     ("__init__",),

@@ -4,8 +4,9 @@
 `intervis.sight.occupancy_model` defines the three answers.
 """
 
+from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE
 from intervis.sight.explanation import Explanation, explain
-from intervis.sight.scene import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
+from intervis.sight.scene import Scene
 from intervis.sight.sensor import (
     GENERIC,
     HDL_32E,
@@ -17,6 +18,7 @@ from intervis.sight.sensor import (
     sensor_named,
     sensor_of_scan,
 )
+from intervis.sight.sight import Sight
 
 __all__ = [
     "GENERIC",

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arrays import Float64Array, checked_point
+from intervis.sight.answers import OCCLUDED, VISIBLE
 from intervis.sight.occupancy_model import DEFAULT_RISK
-from intervis.sight.scene import OCCLUDED, VISIBLE, Scene, Sight
+from intervis.sight.scene import Scene
+from intervis.sight.sight import Sight
 
 
 @dataclass(frozen=True, eq=False)
