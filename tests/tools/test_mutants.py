@@ -175,3 +175,10 @@ def test_what_no_test_should_notice_is_left_as_it_is(mutations, source):
 def test_the_text_of_an_error_is_left_as_it_is(mutations):
     found = mutations.mutations_of("def f():\n    raise ValueError(1 + 2)")
     assert [one.mutated for one in found] == ["pass"]
+
+
+def test_the_listed_equivalent_mutants_exist():
+    """A changed line leaves its entry behind, and `make mutants` would stop."""
+    command = [sys.executable, str(TOOLS / "mutants.py"), "--list", "--count", "1"]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr + ran.stdout
