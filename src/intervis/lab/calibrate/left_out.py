@@ -48,7 +48,7 @@ def sources(plan: Plan) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> sources(Plan(matrix={"curves": [1], "leave_out": ["tilted"]}))[-8:]
+    >>> sources(Plan(matrix={"curves": [1], "leave_out": ["tilted"]}))[-9:]
     ('mast', 'tripod', 'street', 'crossing', 'crest', 'hall', 'forest', 'roadside', 'car-park')
     """
     of_matrix = (*PATTERNS, *MOUNTS, *PLACES) if plan.matrix.curves else ()
