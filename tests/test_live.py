@@ -97,6 +97,17 @@ def test_a_snapshot_stays_and_is_a_scene_of_its_own():
     assert np.array_equal(stream.sight(EYE, TARGETS).probability, states[-1])
 
 
+def test_adding_to_a_snapshot_leaves_its_scene_alone():
+    scene = Scene(max_scans=3)
+    for nth in range(5):
+        scene.add(SCANS[nth], None, 0.1 * nth)
+    before = scene.sight(EYE, TARGETS, moment_s=0.4).probability
+    copy = scene.snapshot()
+    copy.add(SCANS[6], None, 0.6)
+    assert not np.array_equal(copy.sight(EYE, TARGETS, moment_s=0.6).probability, before)
+    assert np.array_equal(scene.sight(EYE, TARGETS, moment_s=0.4).probability, before)
+
+
 def test_packed_scans_stay_while_they_are_held():
     scene = Scene(max_scans=2)
     scene.add(SCANS[0], None, 0.0)
