@@ -18,6 +18,8 @@ from drive_layouts import (
     write_scan,
     write_text,
 )
+from kitti_360_writer import NAME as KITTI_360
+from kitti_360_writer import write_drive as write_kitti_360
 from nuscenes_writer import write_scene
 from scanned_room import scanned_room
 from scipy.spatial.transform import Rotation
@@ -283,6 +285,14 @@ def ros_bag(kind: str, compression: str = "") -> Target:
     )
 
 
+def kitti_360(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        write_kitti_360(folder)
+        return folder / name
+
+    return Target(write, read_whole_drive)
+
+
 NUSCENES_TABLES = (
     "scene",
     "sample",
@@ -356,6 +366,10 @@ TARGETS = {
     "object labels": kitti_labels(),
     "tracking labels": tracking("label_02/0000.txt", f"0 3 {LABEL}\n0 -1 {LABEL}\n1 3 {LABEL}\n"),
     "object calibration": kitti_object("calib/000000.txt"),
+    "KITTI-360 poses": kitti_360(f"data_poses/{KITTI_360}/poses.txt"),
+    "KITTI-360 scanner": kitti_360("calibration/calib_cam_to_velo.txt"),
+    "KITTI-360 places": kitti_360("calibration/calib_cam_to_pose.txt"),
+    "KITTI-360 cameras": kitti_360("calibration/perspective.txt"),
     "3dtk": stations_3dtk("scan001.3d"),
     "3dtk pose": stations_3dtk("scan001.pose"),
     "ptx": scan_file("0.ptx", ptx().encode()),

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from intervis.drives import (
     argoverse,
     e57_stations,
+    kitti_360,
     kitti_object,
     kitti_odometry,
     kitti_raw,
@@ -39,6 +40,7 @@ class _Layout(NamedTuple):
 _LAYOUTS = tuple(
     _Layout(module.EXPECTED_FILES, module.find_roots, module.read_drive)
     for module in (
+        kitti_360,
         kitti_raw,
         kitti_odometry,
         kitti_tracking,
@@ -66,12 +68,12 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
 
     Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
     and SemanticKITTI (a sequence), KITTI tracking (``training/velodyne/NNNN``), KITTI object
-    (``training``), nuScenes (a scene's name below the folder of its tables), Argoverse 2 (a log),
-    a folder of scans (optionally with ``poses.txt``; also a sequence of the DynamicMap benchmark
-    and stations of 3DTK), PTX and E57 files with stations, ROS 1 and ROS 2 bags and MCAP files
-    (a topic below their path, where several hold clouds), and a single ``.bin``, ``.npy``,
-    ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read
-    when their frames are accessed. No file is unpickled or executed.
+    (``training``), KITTI-360 (``data_3d_raw/NAME``), nuScenes (a scene's name below the folder of
+    its tables), Argoverse 2 (a log), ROS 1 and ROS 2 bags and MCAP files (a topic below their path,
+    where several hold clouds), a folder of scans (optionally with ``poses.txt``; also a sequence of
+    the DynamicMap benchmark and stations of 3DTK), PTX and E57 files with stations, and a single
+    ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read when
+    their frames are accessed. No file is unpickled or executed.
 
     Parameters
     ----------
