@@ -1,6 +1,5 @@
 """A drive in KITTI-360's layout, from chosen places of vehicle, cameras and scanner."""
 
-import numpy as np
 from drive_layouts import write_png, write_scan, write_text
 from scipy.spatial.transform import Rotation
 

@@ -293,6 +293,24 @@ def kitti_360(name: str) -> Target:
     return Target(write, read_whole_drive)
 
 
+def las(name: str) -> Target:
+    """Points of half a second, and where the scanner was."""
+
+    def write(folder: Path) -> Path:
+        import laspy
+
+        points = room(80)
+        file = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+        file.x, file.y, file.z = points.T
+        file.gps_time = 5 + np.linspace(0, 0.5, len(points))
+        stored = name if name != "0.txt" else "0.las"
+        file.write(str(folder / stored))
+        write_text(folder / "0.txt", "time x y z\n4 0 0 1\n5 1.5 0 1\n6 3 0.5 1\n")
+        return folder / name
+
+    return Target(write, read_whole_drive)
+
+
 NUSCENES_TABLES = (
     "scene",
     "sample",
@@ -398,4 +416,7 @@ if find_spec("rosbags"):  # writes the recordings, with the libraries of the ext
         "mcap": ros_bag("mcap"),
         "mcap zstd": ros_bag("mcap", "storage"),
     }
+if find_spec("laspy") and find_spec("lazrs"):  # extra las
+    TARGETS |= {name: las(f"0.{name}") for name in ("las", "laz")}
+    TARGETS["trajectory"] = las("0.txt")
 """Targets by name."""

@@ -17,6 +17,7 @@ from intervis.drives import (
     kitti_odometry,
     kitti_raw,
     kitti_tracking,
+    las_mapping,
     nuscenes,
     ptx_stations,
     ros_bag,
@@ -51,6 +52,7 @@ _LAYOUTS = tuple(
         ptx_stations,
         e57_stations,
         ros_bag,
+        las_mapping,
     )
 )
 
@@ -59,6 +61,7 @@ _FILE_READERS: dict[str, Callable[[Path, str | None], Drive]] = {
     ptx_stations.ENDING: ptx_stations.read_drive,
     e57_stations.ENDING: e57_stations.read_drive,
     **dict.fromkeys(ros_bag.READERS, ros_bag.read_drive),
+    **dict.fromkeys(las_mapping.ENDINGS, las_mapping.read_drive),
 }
 """Readers of files that hold several scans, by the ending of the file's name."""
 
@@ -71,7 +74,8 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     (``training``), KITTI-360 (``data_3d_raw/NAME``), nuScenes (a scene's name below the folder of
     its tables), Argoverse 2 (a log), ROS 1 and ROS 2 bags and MCAP files (a topic below their path,
     where several hold clouds), a folder of scans (optionally with ``poses.txt``; also a sequence of
-    the DynamicMap benchmark and stations of 3DTK), PTX and E57 files with stations, and a single
+    the DynamicMap benchmark and stations of 3DTK), PTX and E57 files with stations, LAS and LAZ
+    files with a trajectory beside them, and a single
     ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read when
     their frames are accessed. No file is unpickled or executed.
 

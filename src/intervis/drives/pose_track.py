@@ -3,6 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,10 @@ from intervis.transform import rigid
 
 WITHIN_NS = 1_000_000_000
 """Poses farther apart in time are not interpolated."""
+
+
+SPACINGS = 3
+"""So many times their median spacing poses may be apart, where that is more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +34,19 @@ class PoseTrack:
     times_ns: NDArray[np.int64]
     poses: Sequence[Float64Array]
     within_ns: int = WITHIN_NS
+
+    @classmethod
+    def over_gaps(cls, times_ns: NDArray[np.int64], poses: Sequence[Float64Array]) -> Self:
+        """A track that is interpolated over gaps of a second, or of three times its spacing.
+
+        Examples
+        --------
+        >>> times_ns = np.array([0, 10**9, 3 * 10**9, 5 * 10**9])
+        >>> PoseTrack.over_gaps(times_ns, [np.eye(4)] * 4).within_ns
+        6000000000
+        """
+        spacing_ns = int(np.median(np.diff(times_ns))) if len(times_ns) > 1 else 0
+        return cls(times_ns, poses, max(WITHIN_NS, SPACINGS * spacing_ns))
 
     def at(self, time_ns: int) -> Float64Array | None:
         """The pose at a time, interpolated; None where no poses lie around it.

@@ -18,7 +18,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.drives.pcd_file import rotation_of_quaternion
-from intervis.drives.pose_track import WITHIN_NS, PoseTrack
+from intervis.drives.pose_track import PoseTrack
 from intervis.drives.ros_encoding import Cursor, Encoding, decoding
 from intervis.errors import CalibrationError
 from intervis.transform import inverse, rigid
@@ -29,9 +29,6 @@ FARTHEST_M = 1e9
 MOST_TRANSFORMS = 100_000
 UNCHANGED = 1e-9
 """A transform whose numbers differ by less does not change."""
-
-SPACINGS = 3
-"""Poses are interpolated over so many times their median spacing, at least over a second."""
 
 
 @dataclass
@@ -70,8 +67,7 @@ class Motions:
     def track(self) -> PoseTrack:
         """The motions as poses over time."""
         times_ns, values = self._ordered()
-        spacing_ns = int(np.median(np.diff(times_ns))) if len(times_ns) > 1 else 0
-        return PoseTrack(times_ns, _Poses(values), max(WITHIN_NS, SPACINGS * spacing_ns))
+        return PoseTrack.over_gaps(times_ns, _Poses(values))
 
     def last(self) -> Float64Array:
         """The motion with the latest stamp."""
