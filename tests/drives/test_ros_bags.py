@@ -11,6 +11,7 @@ from scanned_room import scanned_room
 from scipy.spatial.transform import Rotation
 
 from intervis.drives import open_drive
+from intervis.drives.point_cloud2 import point_cloud2_of, scan_of_cloud
 from intervis.errors import DriveError, MissingExtraError, ScanError
 from intervis.transform import inverse, rigid
 
@@ -394,3 +395,25 @@ def test_a_drive_travels_between_processes(tmp_path, kind):
     assert np.array_equal(drive[2].points, room(2))
     assert np.allclose(inverse(drive[1].pose) @ drive[2].pose, rigid(np.eye(3), [1, 0, 0]))
     assert len(drive.fingerprint()["digest"]) == 64
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("kind", ["sqlite3", "mcap"])
+def test_a_real_message_in_a_recording(shared_data, tmp_path, kind):
+    """Bytes of a ROS 2 driver, recorded as they are; rosbags takes them apart as the judge."""
+    content = (shared_data / "pointcloud2/dds_message.bin").read_bytes()
+    with Recorder(tmp_path / "drive", kind) as recorder:
+        connection = recorder.writer.add_connection(
+            "/points", "sensor_msgs/msg/PointCloud2", typestore=recorder.store
+        )
+        recorder.writer.write(connection, START_NS, content)
+        judged = recorder.store.deserialize_cdr(content, "sensor_msgs/msg/PointCloud2")
+    frame = open_drive(tmp_path / "drive")[0]
+    stamp = judged.header.stamp
+    assert frame.timestamp_ns == stamp.sec * 10**9 + stamp.nanosec
+    by_object = scan_of_cloud(point_cloud2_of(judged), tmp_path)
+    assert np.array_equal(frame.points, by_object.points, equal_nan=True)
+    assert frame.attributes.keys() == {"time_s", "intensity", "ring", "timestamp"}
+    for name, values in frame.attributes.items():
+        assert np.array_equal(values, by_object.attributes[name])
+    assert np.isfinite(frame.points).all(axis=1).sum() == 64_000 - 4578

@@ -5,7 +5,7 @@ demand. Nothing holds a file open, so that drives travel between processes.
 """
 
 import bz2
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -61,6 +61,9 @@ class MessageFile(Protocol):
         ScanError
             The message is damaged.
         """
+
+    def read_many(self, entries: NDArray[Any], most: int | None = None) -> Iterator[bytes | None]:
+        """The contents of many messages, as `read`; None for a damaged one."""
 
 
 class Chunk(NamedTuple):

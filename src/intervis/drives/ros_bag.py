@@ -121,12 +121,6 @@ class _Recording:
                     found[name] = topic.kind
         return found
 
-    def entries(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Number of the file and place of every message of a topic."""
-        for number, file in enumerate(self.files):
-            for entry in file.entries(topic):
-                yield number, entry
-
     def encoding(self, number: int, topic: str) -> Encoding:
         """How the messages of a topic are encoded in a file."""
         return cast(Encoding, self.files[number].topics[topic].encoding)
@@ -134,28 +128,32 @@ class _Recording:
     def messages(self, topic: str) -> Iterator[tuple[bytes, Encoding]]:
         """The messages of a topic; damaged ones are left out, with a warning."""
         damaged = 0
-        for number, entry in self.entries(topic):
-            try:
-                yield self.files[number].read(entry), self.encoding(number, topic)
-            except ScanError:
-                damaged += 1
+        for number, file in enumerate(self.files):
+            for content in file.read_many(file.entries(topic)):
+                if content is None:
+                    damaged += 1
+                else:
+                    yield content, self.encoding(number, topic)
         if damaged:
             log.warning("%d messages of %s in %s are damaged.", damaged, topic, self.root)
 
     def clouds(self, topic: str) -> list[_Cloud]:
         """The clouds of a topic in the order of their stamps; without a stamp, as recorded."""
         found = []
-        for number, entry in self.entries(topic):
-            encoding = self.encoding(number, topic)
-            recorded_ns = int(entry["time_ns"])
-            try:
-                start = self.files[number].read(entry, HEADER_BYTES)
-                with decoding(self.root, "PointCloud2", ScanError):
-                    time_ns, frame_id = Cursor(start, encoding).header()
-            except ScanError:  # its own frame fails when it is read
-                time_ns, frame_id = recorded_ns, ""
-            found.append(_Cloud(number, entry, time_ns or recorded_ns, bare(frame_id)))
+        for number, file in enumerate(self.files):
+            entries = file.entries(topic)
+            starts = file.read_many(entries, HEADER_BYTES)
+            for entry, start in zip(entries, starts, strict=True):
+                time_ns, frame_id = 0, ""  # where it is damaged its own frame fails when it is read
+                with contextlib.suppress(ScanError), decoding(self.root, CLOUD, ScanError):
+                    time_ns, frame_id = Cursor(start or b"", self.encoding(number, topic)).header()
+                recorded_ns = int(entry["time_ns"])
+                found.append(_Cloud(number, entry, time_ns or recorded_ns, bare(frame_id)))
         return sorted(found, key=lambda cloud: cloud.time_ns)
+
+    def has_messages(self, topic: str) -> bool:
+        """Whether a topic has any."""
+        return any(len(file.entries(topic)) for file in self.files)
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
@@ -182,7 +180,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     others = [
         _channel(recording, other, places)
         for other in recording.topics(CLOUD)
-        if other != topic and next(recording.entries(other), None) is not None
+        if other != topic and recording.has_messages(other)
     ]
     # A topic in the same frame holds the same scanner's points once more, filtered or collected.
     others = [other for other in others if not other.ways.keys() & main.ways.keys()]
@@ -218,11 +216,7 @@ def _opened(path: Path) -> _Recording:
 def _chosen(recording: _Recording, asked: str) -> str:
     """The topic of the clouds: the one that is asked for, otherwise the only one."""
     root = recording.root
-    filled = [
-        topic
-        for topic in sorted(recording.topics(CLOUD))
-        if next(recording.entries(topic), None) is not None
-    ]
+    filled = [topic for topic in sorted(recording.topics(CLOUD)) if recording.has_messages(topic)]
     if asked and asked not in filled:
         there = ", ".join(filled) or "none"
         raise DriveError(f"{root} has no clouds on {asked:.80}; topics with clouds: {there:.500}.")

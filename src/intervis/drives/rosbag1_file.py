@@ -104,29 +104,48 @@ class Rosbag1File:
 
     def read(self, entry: Any, most: int | None = None) -> bytes:
         """See `message_file.MessageFile`."""
-        number, offset = int(entry["chunk"]), int(entry["offset"])
         try:
-            with self._opened(self._chunks[number] if number >= 0 else None) as (source, _, end):
-                records = _records(source, offset, end)
-                record = next((one for one in records if one.kind != CONNECTION), None)
-                if record is None or record.kind != MESSAGE:
-                    raise DamageError(f"there is none at {offset}")
-                return _span(source, record.place, min(record.size, most or record.size))
+            with open_regular(self.path) as file:
+                return self._content(file, file.seek(0, 2), entry, most)
         except DamageError as error:
             raise ScanError(f"{self.path} has a damaged message: {error}.") from None
         except OSError as error:
             raise ScanError(f"cannot read {self.path}: {error.strerror}.") from None
 
+    def read_many(self, entries: NDArray[Any], most: int | None = None) -> Iterator[bytes | None]:
+        """See `message_file.MessageFile`."""
+        try:
+            with open_regular(self.path) as file:
+                end = file.seek(0, 2)
+                for entry in entries:
+                    try:
+                        yield self._content(file, end, entry, most)
+                    except (DamageError, ScanError):
+                        yield None
+        except OSError as error:
+            raise ScanError(f"cannot read {self.path}: {error.strerror}.") from None
+
+    def _content(self, source: BinaryIO, end: int, entry: Any, most: int | None) -> bytes:
+        """The content of a message; `source` is the file, `end` its size."""
+        number, offset = int(entry["chunk"]), int(entry["offset"])
+        if number >= 0:
+            content = chunk_records(self.path, self._chunks[number])
+            source, end = io.BytesIO(content), len(content)
+        records = _records(source, offset, end)
+        record = next((one for one in records if one.kind != CONNECTION), None)
+        if record is None or record.kind != MESSAGE:
+            raise DamageError(f"there is none at {offset}")
+        return _span(source, record.place, min(record.size, most or record.size))
+
     @contextlib.contextmanager
-    def _opened(self, chunk: Chunk | None) -> Iterator[tuple[BinaryIO, int, int]]:
-        """Where the records of a chunk, or of the file, can be read: source, first, end."""
-        if chunk is not None and chunk.compression != PLAIN:
+    def _opened(self, chunk: Chunk) -> Iterator[tuple[BinaryIO, int, int]]:
+        """Where the records of a chunk can be read: source, first, end."""
+        if chunk.compression != PLAIN:
             content = chunk_records(self.path, chunk)
             yield io.BytesIO(content), 0, len(content)
             return
         with open_regular(self.path) as file:
-            size = file.seek(0, 2)
-            yield file, *((chunk.place, chunk.place + chunk.bytes) if chunk else (0, size))
+            yield file, chunk.place, chunk.place + chunk.bytes
 
     # --- the index ---
 

@@ -24,6 +24,8 @@ MAGIC = b"SQLite format 3\0"
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 MOST_MESSAGE_BYTES = 2**30
 MOST_TOPICS = 100_000
+DATABASE_ERRORS = (sqlite3.Error, ValueError, TypeError, OverflowError)
+"""What reading a damaged database raises."""
 
 
 class Rosbag2Database:
@@ -64,10 +66,21 @@ class Rosbag2Database:
 
     def read(self, entry: Any, most: int | None = None) -> bytes:
         """See `message_file.MessageFile`."""
-        with (
-            self._opened() as database,
-            database.blobopen("messages", "data", int(entry["offset"]), readonly=True) as blob,
-        ):
+        with self._opened() as database:
+            return self._content(database, entry, most)
+
+    def read_many(self, entries: NDArray[Any], most: int | None = None) -> Iterator[bytes | None]:
+        """See `message_file.MessageFile`."""
+        with self._opened() as database:
+            for entry in entries:
+                try:
+                    yield self._content(database, entry, most)
+                except (ScanError, *DATABASE_ERRORS):
+                    yield None
+
+    def _content(self, database: sqlite3.Connection, entry: Any, most: int | None) -> bytes:
+        row = int(entry["offset"])
+        with database.blobopen("messages", "data", row, readonly=True) as blob:
             if len(blob) > MOST_MESSAGE_BYTES:
                 raise ScanError(f"{self.path} holds a message of {len(blob)} bytes, too many.")
             start = blob.read(len(ZSTD_MAGIC))
@@ -102,6 +115,6 @@ class Rosbag2Database:
                 yield database
         except OSError as error:
             raise ScanError(f"cannot read {self.path}: {error.strerror}.") from None
-        except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
+        except DATABASE_ERRORS as error:
             reason = " ".join(str(error).split())[:120].rstrip(".")
             raise ScanError(f"{self.path} is no readable ROS 2 bag ({reason}).") from None
