@@ -19,7 +19,7 @@ LAYERS = (
     ("directions", "files", "settings", "transform"),
     ("camera",),
     ("drives", "method", "sight"),
-    ("plots",),
+    ("live", "plots"),
     ("run",),
     ("cli",),
     ("__init__", "__main__"),

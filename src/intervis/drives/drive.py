@@ -39,8 +39,9 @@ class Drive:
     name : str
         The folder's (or file's) name.
     layout : str
-        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``nuscenes``,
-        ``argoverse``, ``e57_stations``, ``ptx_stations``, ``scan_folder`` or ``single_scan``.
+        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``kitti_360``,
+        ``nuscenes``, ``argoverse``, ``ros_bag``, ``las_mapping``, ``e57_stations``,
+        ``ptx_stations``, ``scan_folder`` or ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
         Files by frame number; a frame may have no image.
     camera_names : tuple of str
@@ -97,7 +98,10 @@ class Drive:
             frames = f"{len(numbers):,} frames {numbers[0]}-{numbers[-1]}"
         else:
             frames = f"frame {numbers[0]}" if numbers else "no frames"
-        known = [self.layout.replace("kitti", "KITTI").replace("_", " "), frames]
+        known = [
+            self.layout.replace("kitti", "KITTI").replace("ros", "ROS").replace("_", " "),
+            frames,
+        ]
         if self.camera_name is not None:
             known.append(f"camera {self.camera_name}")
         known += ["poses"] if self.poses else []
