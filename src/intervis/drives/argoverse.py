@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.drives.boxes import Box
-from intervis.drives.calibration import CameraCalibration, pick_named_camera
+from intervis.drives.calibration import CameraCalibration
+from intervis.drives.camera_choice import pick_named_camera
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
 from intervis.drives.pcd_file import rotation_of_quaternion
