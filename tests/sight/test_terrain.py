@@ -189,3 +189,47 @@ def test_known_cells_of_the_border_are_not_used():
     inner = {(1, 60): 1.0, (2, 60): 1.0, (126, 60): 4.0, (60, 1): 5.0, (60, 126): 6.0}
     border = {(0, 60): 3.0, (127, 60): 3.0, (60, 0): 3.0, (60, 127): 3.0, (0, 0): 3.0}
     assert filled_map(inner | border) == inner
+
+
+def assumed(cells):
+    """The whole map after assumptions around some known cells, {(row, column): height}."""
+    height = np.full((CELLS, CELLS), np.nan, np.float32)
+    for cell, value in cells.items():
+        height[cell] = value
+    in_python(terrain.assume_ground)(height)
+    return height
+
+
+@pytest.mark.parametrize("cell", [(0, 0), (127, 127), (0, 127), (127, 0), (40, 90)])
+def test_one_known_cell_is_the_assumption_of_all_others(cell):
+    height = assumed({cell: -2.0})
+    assert height[cell] == -2.0
+    height[cell] = -1002.0
+    assert (height == -1002.0).all()
+
+
+def test_without_a_known_cell_nothing_is_assumed():
+    assert np.isnan(assumed({})).all()
+
+
+def test_a_cell_takes_the_height_of_the_nearest_known_one():
+    """By steps to one of eight neighbours: the larger of the distances in rows and columns."""
+    known = {(10, 20): 1.0, (100, 90): 2.0, (30, 110): 3.0, (120, 5): 4.0}
+    height = assumed(known)
+    rows, columns = np.indices((CELLS, CELLS))
+    steps = {value: np.maximum(abs(rows - a), abs(columns - b)) for (a, b), value in known.items()}
+    nearest = np.sort(list(steps.values()), axis=0)
+    for value, away in steps.items():
+        alone = (away == nearest[0]) & (nearest[1] > nearest[0])  # no other is as near
+        assert alone.sum() > 1000
+        expected = np.where(away == 0, value, value - 1000.0)
+        assert (height[alone] == expected[alone]).all()
+
+
+def test_known_cells_stay_as_they_are(rng):
+    height = np.where(rng.random((CELLS, CELLS)) < 0.5, rng.normal(size=(CELLS, CELLS)), np.nan)
+    filled = height.astype(np.float32)
+    in_python(terrain.assume_ground)(filled)
+    known = np.isfinite(height)
+    assert (filled[known] == height[known].astype(np.float32)).all()
+    assert (filled[~known] < -990.0).all()
