@@ -10,6 +10,7 @@ import pytest
 from drive_layouts import pose_line, write_text
 from scipy.spatial.transform import Rotation
 
+from intervis import drives
 from intervis.drives import e57_stations, image_file, open_drive, ptx_stations
 from intervis.drives.boxes import kitti_boxes
 from intervis.drives.e57_stations import pose_of_node
@@ -20,6 +21,7 @@ from intervis.drives.float_columns import (
     likely_width,
 )
 from intervis.drives.image_file import checked_image_size_px, image_file_size_px
+from intervis.drives.nuscenes_sweeps import is_plain_name
 from intervis.drives.nuscenes_tables import pose_of, time_ns_of
 from intervis.drives.pcd_file import read_viewpoint
 from intervis.drives.scan_file import read_scan
@@ -140,12 +142,12 @@ def test_lengths_of_a_quaternion(tmp_path, caplog, length, valid):
         assert np.allclose(read_viewpoint(tmp_path / "a.pcd")[:3, :3], turned)
         assert np.allclose(pose_of(Path("a"), record)[:3, :3], turned)
         return
-    with pytest.raises(CalibrationError, match="no rigid motion"):
+    with pytest.raises(CalibrationError, match="pose is not a quaternion"):
         pose_of_node(Path("a"), e57_node)
     with pytest.raises(CalibrationError, match="no quaternion under 'rotation'"):
         pose_of(Path("a"), record)
     assert read_viewpoint(tmp_path / "a.pcd") is None
-    assert "VIEWPOINT is no position with a quaternion" in caplog.text
+    assert "VIEWPOINT is not a position and a quaternion" in caplog.text
 
 
 @pytest.mark.parametrize(("far_m", "valid"), [(0.99e9, True), (1.01e9, False)])
@@ -467,7 +469,7 @@ def test_places_of_stations_of_ptx(tmp_path, place, far, valid):
     if valid:
         assert len(ptx_stations.read_stations(tmp_path / "a.ptx")) == 1
     else:
-        with pytest.raises(CalibrationError, match="none on Earth"):
+        with pytest.raises(CalibrationError, match="lengths must be metres"):
             ptx_stations.read_stations(tmp_path / "a.ptx")
 
 
@@ -512,7 +514,7 @@ def test_seconds_that_64_bits_of_nanoseconds_hold(tmp_path, time_s, valid):
     if valid:
         assert read_seconds(tmp_path / "times.txt") == [-9_000_000_000 * 10**9]
     else:
-        with pytest.raises(CalibrationError, match="no time that 64 bits"):
+        with pytest.raises(CalibrationError, match="which 64 bits of"):
             read_seconds(tmp_path / "times.txt")
 
 
@@ -562,3 +564,47 @@ def test_messages_about_the_frame_of_points_are_for_those_who_ask(tmp_path, capl
     frame = open_drive(tmp_path / "a.pcd")[0]
     assert np.allclose(np.linalg.norm(frame.points, axis=1), 9.0, atol=1e-3)
     assert [record.levelname for record in caplog.records] == ["INFO"]
+
+
+# --- folders and names ---
+
+
+@pytest.mark.parametrize(
+    "layout", drives._LAYOUTS, ids=[layout.expected_files[:20] for layout in drives._LAYOUTS]
+)
+def test_a_folder_of_other_files_holds_no_drive(tmp_path, layout):
+    """A table of scenes alone is none of nuScenes."""
+    (tmp_path / "empty").mkdir()
+    write_text(tmp_path / "scene.json", "[]")
+    write_text(tmp_path / "velodyne/notes.txt", "")
+    assert layout.find_roots(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [
+        ("x" * 1000, True),
+        ("...", True),
+        ("x" * 1001, False),
+        *((name, False) for name in ("", ".", "..", "a/b", "a\nb")),
+    ],
+)
+def test_names_of_scenes_and_channels(name, plain):
+    assert is_plain_name(name) == plain
+
+
+@pytest.mark.parametrize(("entries", "more"), [(8, False), (9, True)])
+def test_a_message_names_eight_entries_of_a_folder(tmp_path, entries, more):
+    for number in range(entries):
+        write_text(tmp_path / f"{number}.txt", "")
+    with pytest.raises(DriveError) as caught:
+        open_drive(tmp_path)
+    shown = str(caught.value).rpartition("Found: ")[2]
+    assert shown == ", ".join(f"{n}.txt" for n in range(8)) + (", ..." if more else "") + "."
+
+
+def test_a_message_names_eight_drives_of_a_folder(tmp_path):
+    for number in range(9):
+        write_text(tmp_path / f"drive{number}/velodyne_points/data/1.bin", "")
+    with pytest.raises(DriveError, match=r"holds 9 drives; .*: drive0, .*drive7\.$"):
+        open_drive(tmp_path)

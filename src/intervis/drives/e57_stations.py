@@ -52,7 +52,7 @@ def find_roots(path: Path) -> list[Path]:
 def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the stations of a file, or of all files of a folder, numbered from 0."""
     if camera is not None:
-        raise DriveError(f"{root} has no camera {camera!r:.60}: E57 files hold stations alone.")
+        raise DriveError(f"{root} has no camera {camera!r:.60}: no camera is read from E57.")
     stations: list[tuple[Path, int]] = []
     poses: dict[int, Float64Array] = {}
     for path in [root] if root.is_file() else files_with_ending(root, ENDING):
@@ -137,7 +137,9 @@ def pose_of_node(path: Path, node: Any) -> Float64Array | None:
     quaternion = np.array(list(parts["rotation"].values()))
     translation = np.array(list(parts["translation"].values()))
     if not (np.abs(translation) < FARTHEST_M).all() or not 1e-3 < np.linalg.norm(quaternion) < 1e3:
-        raise CalibrationError(f"{path} has a station with a pose that is no rigid motion.")
+        raise CalibrationError(
+            f"{path} has a station whose pose is not a quaternion and a translation in metres."
+        )
     return rigid(rotation_of_quaternion(quaternion), translation)
 
 

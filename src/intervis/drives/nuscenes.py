@@ -100,16 +100,19 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     channels = channels_of(folder, _scenes(folder)[root.name])
     scanners = {name: found for name, found in channels.items() if found[0] == "lidar"}
     if not scanners:
-        raise DriveError(f"{root} has no sweeps of a scanner in its tables.")
+        raise DriveError(f"{root} lists no sweep of a lidar in its tables.")
     main = (scanners.get(MAIN_SCANNER) or next(iter(scanners.values())))[1]
     cameras = {name: found[1] for name, found in channels.items() if found[0] == "camera"}
     chosen = pick_named_camera(camera, cameras, MAIN_CAMERA, root)
     there = {number: sweep for number, sweep in enumerate(main.sweeps) if sweep.path.is_file()}
     if not there:
-        raise DriveError(f"none of the sweeps of {root} is there, such as {main.sweeps[0].path}.")
+        raise DriveError(
+            f"none of the scans of {root} exists, for example {main.sweeps[0].path}: put"
+            " samples and sweeps beside the tables."
+        )
     if len(there) < len(main.sweeps):
         log.warning(
-            "%d of the %d sweeps of %s are not there: they are no frames.",
+            "%d of the %d sweeps of %s do not exist: they become no frames.",
             *(len(main.sweeps) - len(there), len(main.sweeps), root.name),
         )
     images = {}

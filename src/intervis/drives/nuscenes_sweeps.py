@@ -72,7 +72,9 @@ def channels_of(folder: Path, scene_token: str) -> dict[str, tuple[str, Channel]
         sensor = record_of(folder, sensors, sensor_of, "sensor")
         channel = text_of(folder / "sensor.json", sensor, "channel")
         if not is_plain_name(channel):
-            raise CalibrationError(f"{folder / 'sensor.json'} has a channel that is no name.")
+            raise CalibrationError(
+                f"{folder / 'sensor.json'} has a channel that is not a plain name."
+            )
         modality[channel] = text_of(folder / "sensor.json", sensor, "modality")
         if modality[channel] not in ("lidar", "camera"):
             continue

@@ -51,8 +51,8 @@ def read_poses(path: Path) -> list[Float64Array]:
             )
         if max(map(abs, values)) > FARTHEST_M:
             raise CalibrationError(
-                f"{path}, line {line_number}: a pose of more than {FARTHEST_M:.0e} m is none on"
-                " Earth."
+                f"{path}, line {line_number}: the pose has a number beyond {FARTHEST_M:.0e}: its"
+                " lengths must be metres."
             )
         try:
             poses.append(checked_pose(np.reshape(values, (-1, 4))))
@@ -175,7 +175,7 @@ def read_seconds(path: Path) -> list[int | None]:
         if abs(values[0]) > LATEST_S:
             raise CalibrationError(
                 f"{path}, line {line_number}: {line.strip()[:40]!r} is beyond {LATEST_S:.0e}"
-                " seconds: no time that 64 bits of nanoseconds hold."
+                " seconds, which 64 bits of nanoseconds do not hold."
             )
         # Exact: a float of seconds since 1970 has no nanoseconds.
         try:

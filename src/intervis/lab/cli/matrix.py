@@ -52,8 +52,8 @@ def matrix(
     )
     if not chosen:
         raise SettingsError(
-            "these scanners, mounts and worlds make no cell: the terrestrial scanner stands on its"
-            " tripod only, the others never do, and the hall has no mast."
+            "these scanners, mounts and worlds cannot be combined: the terrestrial scanner stands"
+            " on its tripod only, the others never do, and the hall has no mast."
         )
     with progress("matrix", len(chosen)) as advance:
         results = list(evaluate_cells(chosen, lines=lines, seed=seed, progress=advance))
