@@ -5,7 +5,17 @@ import sys
 
 import numpy as np
 import pytest
-from argoverse_writer import LASERS, POINTS, TIMES_NS, motions, write_log, write_table
+from argoverse_writer import (
+    CAMERA,
+    DOWN,
+    LASERS,
+    POINTS,
+    TIMES_NS,
+    UP,
+    motions,
+    write_log,
+    write_table,
+)
 from scipy.spatial.transform import Rotation
 
 from intervis.drives import open_drive
@@ -139,12 +149,15 @@ def test_tables_without_their_columns_are_told(tmp_path, file, columns, message)
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"qw": [0.0] * 3, "qx": [0.0] * 3, "qy": [0.0] * 3, "qz": [0.0] * 3}, "no quaternion"),
-        ({"tx_m": [np.nan, 0, 0]}, "something else than numbers"),
-        ({"tx_m": [1e300, 0, 0]}, "something else than numbers"),
-        ({"tx_m": ["a", "b", "c"]}, "something else than numbers"),
-        ({"sensor_name": ["two\nlines", "a", "b"]}, "names of sensors that are none"),
-        ({"sensor_name": ["up_lidar", "a", "b"]}, "has no place of down_lidar"),
+        (
+            {"qw": [0.0] * 3, "qx": [0.0] * 3, "qy": [0.0] * 3, "qz": [0.0] * 3},
+            "are not a quaternion",
+        ),
+        ({"tx_m": [np.nan, 0, 0]}, "needs finite numbers in"),
+        ({"tx_m": [1e300, 0, 0]}, "needs finite numbers in"),
+        ({"tx_m": ["a", "b", "c"]}, "needs finite numbers in"),
+        ({"sensor_name": ["two\nlines", "a", "b"]}, "a sensor_name that is not a plain name"),
+        ({"sensor_name": ["up_lidar", "a", "b"]}, "has no row for down_lidar"),
     ],
 )
 def test_places_that_are_none_are_told(tmp_path, changes, message):
@@ -186,9 +199,9 @@ def test_a_sweep_that_is_no_table_fails_alone(tmp_path, content):
     ("columns", "message"),
     [
         ({"x": [1.0]}, "has no y z"),
-        ({"x": [1.0], "": [1.0]}, "its columns have no or equal names"),
-        ({"x": [1.0], "y": [1.0], "z": [1.0]}, "has no laser_number"),
-        ({"x": [1.0], "y": [1.0], "z": [1.0], "laser_number": ["a"]}, "something else than num"),
+        ({"x": [1.0], "": [1.0]}, "its columns need different names"),
+        ({"x": [1.0], "y": [1.0], "z": [1.0]}, "has no column laser_number"),
+        ({"x": [1.0], "y": [1.0], "z": [1.0], "laser_number": ["a"]}, "needs numbers in x, y, z"),
         ({"x": [1.0], "y": [1.0], "z": [1.0], "laser_number": [40]}, "holds no points"),
     ],
 )
@@ -235,3 +248,25 @@ def elevation_spread(scan, points):
         own = (scan.attributes["laser_number"] == laser) & (range_m > 3)
         spreads.append(np.subtract(*np.quantile(elevation_deg[own], [0.75, 0.25])))
     return np.median(spreads)
+
+
+def test_attributes_are_the_columns_of_numbers_beside_the_coordinates(tmp_path):
+    write_log(tmp_path)
+    columns = {"x": [1.0], "y": [2.0], "z": [3.0], "laser_number": [0], "tag": ["a"], "t": [7]}
+    write_table(tmp_path / f"sensors/lidar/{TIMES_NS[0]}.feather", **columns)
+    frame = open_drive(tmp_path)[0]
+    assert sorted(frame.attributes) == ["laser_number", "row", "t"]
+    assert frame.camera.name == "ring_front_center"
+
+
+@pytest.mark.parametrize(("letters", "valid"), [(99, True), (100, False)])
+def test_letters_of_the_name_of_a_sensor(tmp_path, letters, valid):
+    write_log(tmp_path)
+    table = tmp_path / "calibration/egovehicle_SE3_sensor.feather"
+    names = ["ring_front_center", "up_lidar", "down_lidar", "x" * letters]
+    write_table(table, sensor_name=names, **motions(CAMERA, UP, DOWN, DOWN))
+    if valid:
+        assert len(open_drive(tmp_path)) == 2
+    else:
+        with pytest.raises(CalibrationError, match="not a plain name"):
+            open_drive(tmp_path)

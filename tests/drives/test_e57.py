@@ -96,7 +96,7 @@ def test_a_pose_may_lack_its_rotation_or_its_translation():
     ],
 )
 def test_a_pose_that_is_no_motion_is_told(pose):
-    with pytest.raises(CalibrationError, match="a pose that is no rigid motion"):
+    with pytest.raises(CalibrationError, match="pose is not a quaternion and a translation"):
         pose_of_node(Path("a"), Node(pose=pose))
 
 

@@ -96,7 +96,7 @@ def test_sweeps_that_are_missing_shift_no_number(tmp_path, caplog, place):
         path.unlink()
         drive = open_drive(tmp_path)
         assert drive.frame_numbers == (0, 2)
-        assert "1 of the 3 sweeps of scene-0061 are not there" in caplog.text
+        assert "1 of the 3 sweeps of scene-0061 do not exist" in caplog.text
         assert drive[2].pose[1, 3] == 203
         return
     path.write_bytes(path.read_bytes()[:-1] if place == "truncated" else b"")
@@ -110,11 +110,11 @@ def test_a_scene_without_any_of_its_files(tmp_path):
     tables = write_scene(tmp_path)
     for path in tmp_path.rglob("*.bin"):
         path.unlink()
-    with pytest.raises(DriveError, match=r"none of the sweeps of .*scene-0061 is there, such as"):
+    with pytest.raises(DriveError, match=r"none of the scans of .*scene-0061 exists, for example"):
         open_drive(tmp_path)
     tables.tables["sample_data"] = []
     tables.write()
-    with pytest.raises(DriveError, match="has no sweeps of a scanner in its tables"):
+    with pytest.raises(DriveError, match="lists no sweep of a lidar in its tables"):
         open_drive(tmp_path)
 
 
@@ -252,7 +252,7 @@ def change(tables, table, nth, **values):
         ("ego_pose", {"translation": [1e300, 0, 0]}, "has no 3 numbers under 'translation'"),
         ("ego_pose", {"translation": [float("nan"), 0, 0]}, "has no 3 numbers under 'tran"),
         ("calibrated_sensor", {"sensor_token": 7}, "has no text under 'sensor_token'"),
-        ("sensor", {"channel": "two\nlines"}, "has a channel that is no name"),
+        ("sensor", {"channel": "two\nlines"}, "has a channel that is not a plain name"),
         ("sample_data", {"filename": "two\nlines"}, "names the invalid file"),
         ("sensor", {"channel": []}, "has no text under 'channel'"),
         ("scene", {"name": ...}, "has no text under 'name'"),
@@ -303,7 +303,7 @@ def test_a_scene_whose_name_is_none_is_named_by_its_token(tmp_path, name):
 @pytest.mark.realdata
 def test_lyfts_own_tables_are_read_to_the_end(shared_data):
     """Its sweeps are not there: the tables are, and name them."""
-    with pytest.raises(DriveError, match=r"none of the sweeps of .*lidar[0-9]_1240710385903083166"):
+    with pytest.raises(DriveError, match=r"none of the scans of .*lidar[0-9]_1240710385903083166"):
         open_drive(shared_data / "nuscenes_frame/lyft_tables")
 
 

@@ -204,7 +204,7 @@ def test_a_position_beside_the_identity_is_where_the_scanner_stood(tmp_path, mov
         ("8\n5\n", "99999999\n99999999\n", "line 1: the station is truncated"),
         ("1.0 0.0 0.0 0.0\n", "2.0 0.0 0.0 0.0\n", "line 7: the matrix of the station is not a r"),
         ("1.0 0.0 0.0 0.0\n", "1.0 0.0 0.0\n", "line 1: expected the ten lines"),
-        ("0.0 0.0 0.0 1.0\n", "1e10 0.0 0.0 1.0\n", "line 1: a place of more than 1e"),
+        ("0.0 0.0 0.0 1.0\n", "1e10 0.0 0.0 1.0\n", "line 1: the station has a number beyond 1e"),
         (" 0.5\n", "\n", None),
         (" 0.5\n", " 0.5 1\n", "has 5 numbers a point"),
         (" 0.5\n", " half\n", "does not parse as points of PTX"),

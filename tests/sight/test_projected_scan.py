@@ -41,12 +41,12 @@ def test_a_projected_scan_holds_ranges_and_level_coordinates(rng):
     assert np.array_equal(project_scan(points).level, project_scan(points).xyz)
 
 
-def neighbours_by_definition(azimuth, elevation, hits, i):
+def neighbours_by_definition(azimuth, elevation, hits, i, columns=COLUMNS, rows=ROWS):
     """Angle beside, angle above and mean solid angle of return i, over all returns."""
-    column = np.minimum((azimuth / 8.0 * COLUMNS).astype(int), COLUMNS - 1)
-    row = np.minimum(((elevation + 2.0) / 4.0 * ROWS).astype(int), ROWS - 1)
+    column = np.minimum((azimuth / 8.0 * columns).astype(int), columns - 1)
+    row = np.minimum(((elevation + 2.0) / 4.0 * rows).astype(int), rows - 1)
     apart = np.abs(column - column[i])
-    around = (np.minimum(apart, COLUMNS - apart) <= 1) & (np.abs(row - row[i]) <= 1)
+    around = (np.minimum(apart, columns - apart) <= 1) & (np.abs(row - row[i]) <= 1)
     around[np.setdiff1d(np.arange(len(azimuth)), hits)] = False
     per_azimuth, per_elevation = direction_scale(elevation[i])
     turn = np.abs(azimuth - azimuth[i])
@@ -55,7 +55,7 @@ def neighbours_by_definition(azimuth, elevation, hits, i):
     angle = np.hypot(across, up)
     other = around & (angle >= 1e-6)
     beside, above = angle[other & (up <= 0.5 * across)], angle[other & (across <= 0.5 * up)]
-    cell = per_azimuth * 8.0 / COLUMNS * per_elevation * 4.0 / ROWS
+    cell = per_azimuth * 8.0 / columns * per_elevation * 4.0 / rows
     return min(beside, default=np.inf), min(above, default=np.inf), 9 * cell / around.sum()
 
 

@@ -78,6 +78,10 @@ def test_neighbours_are_up_to_two_cells_away_on_all_sides():
         assert (40, 40) in kept_cells(cells)
         farther = tuple(2 * c - 40 - (c - 40) // 2 for c in corner)  # three cells away
         assert (40, 40) not in kept_cells({(40, 40): -1.0, farther: -1.0, (40, 41): -1.0})
+    for away, near in ((2, True), (3, False), (20, False)):
+        for other in ((40 - away, 40), (40 + away, 40), (40, 40 - away), (40, 40 + away)):
+            cells = {(40, 40): -1.0, other: -1.0, (41, 41): -1.0}
+            assert ((40, 40) in kept_cells(cells)) == near, other
 
 
 def test_the_borders_of_the_map_are_no_neighbours_of_each_other():
@@ -180,6 +184,14 @@ def test_ground_is_interpolated_over_seven_unknown_cells():
     assert filled_map({(20, 30): 1.0, (21, 30): 5.0}) == {(20, 30): 1.0, (21, 30): 5.0}
 
 
+@pytest.mark.parametrize("row", [1, 126])
+def test_the_outermost_inner_rows_are_interpolated_along_themselves(row):
+    ends, between = {(20, row): 1.0, (23, row): 4.0}, {(21, row): 2.0, (22, row): 3.0}
+    assert filled_map(ends) == ends | between
+    turned = {(b, a): z for (a, b), z in (ends | between).items()}
+    assert filled_map({(b, a): z for (a, b), z in ends.items()}) == turned
+
+
 def test_where_both_axes_could_fill_a_cell_the_x_axis_does():
     found = filled_map({(20, 30): 1.0, (22, 30): 3.0, (21, 29): 7.0, (21, 31): 9.0})
     assert found[21, 30] == 2.0
@@ -189,3 +201,67 @@ def test_known_cells_of_the_border_are_not_used():
     inner = {(1, 60): 1.0, (2, 60): 1.0, (126, 60): 4.0, (60, 1): 5.0, (60, 126): 6.0}
     border = {(0, 60): 3.0, (127, 60): 3.0, (60, 0): 3.0, (60, 127): 3.0, (0, 0): 3.0}
     assert filled_map(inner | border) == inner
+
+
+def assumed(cells):
+    """The whole map after assumptions around some known cells, {(row, column): height}."""
+    height = np.full((CELLS, CELLS), np.nan, np.float32)
+    for cell, value in cells.items():
+        height[cell] = value
+    in_python(terrain.assume_ground)(height)
+    return height
+
+
+@pytest.mark.parametrize("cell", [(0, 0), (127, 127), (0, 127), (127, 0), (40, 90)])
+def test_one_known_cell_is_the_assumption_of_all_others(cell):
+    height = assumed({cell: -2.0})
+    assert height[cell] == -2.0
+    height[cell] = -1002.0
+    assert (height == -1002.0).all()
+
+
+def test_without_a_known_cell_nothing_is_assumed():
+    assert np.isnan(assumed({})).all()
+
+
+def test_a_cell_takes_the_height_of_the_nearest_known_one():
+    """By steps to one of eight neighbours: the larger of the distances in rows and columns."""
+    known = {(10, 20): 1.0, (100, 90): 2.0, (30, 110): 3.0, (120, 5): 4.0}
+    height = assumed(known)
+    rows, columns = np.indices((CELLS, CELLS))
+    steps = {value: np.maximum(abs(rows - a), abs(columns - b)) for (a, b), value in known.items()}
+    nearest = np.sort(list(steps.values()), axis=0)
+    for value, away in steps.items():
+        alone = (away == nearest[0]) & (nearest[1] > nearest[0])  # no other is as near
+        assert alone.sum() > 1000
+        expected = np.where(away == 0, value, value - 1000.0)
+        assert (height[alone] == expected[alone]).all()
+
+
+def test_among_sixty_known_cells_the_nearest_counts(rng):
+    known = {(int(a), int(b)): float(n) for n, (a, b) in enumerate(rng.integers(0, CELLS, (60, 2)))}
+    height = assumed(known)
+    rows, columns = np.indices((CELLS, CELLS))
+    away = np.array([np.maximum(abs(rows - a), abs(columns - b)) for a, b in known])
+    nearest, second = np.sort(away, axis=0)[:2]
+    value = np.array(list(known.values()))[away.argmin(axis=0)]
+    expected = np.where(nearest == 0, value, value - 1000.0)
+    alone = second > nearest
+    assert ((second == nearest + 1) & alone).sum() > 300
+    assert (height[alone] == expected[alone]).all()
+
+
+@pytest.mark.parametrize("other", [(10, 20), (20, 10), (20, 20)])
+def test_of_two_cells_equally_near_the_first_one_counts(other):
+    height = assumed({(10, 10): 1.0, other: 2.0})
+    middle = tuple((a + 10) // 2 for a in other)
+    assert height[middle] == -999.0
+
+
+def test_known_cells_stay_as_they_are(rng):
+    height = np.where(rng.random((CELLS, CELLS)) < 0.5, rng.normal(size=(CELLS, CELLS)), np.nan)
+    filled = height.astype(np.float32)
+    in_python(terrain.assume_ground)(filled)
+    known = np.isfinite(height)
+    assert (filled[known] == height[known].astype(np.float32)).all()
+    assert (filled[~known] < -990.0).all()

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.drives.boxes import Box
-from intervis.drives.calibration import CameraCalibration, pick_named_camera
+from intervis.drives.calibration import CameraCalibration
+from intervis.drives.camera_choice import pick_named_camera
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
 from intervis.drives.pcd_file import rotation_of_quaternion
@@ -80,7 +81,10 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     places = _places(places_path)
     missing = [name for name in SCANNERS if name not in places]
     if missing:
-        raise CalibrationError(f"{places_path} has no place of {' and '.join(missing)}.")
+        raise CalibrationError(
+            f"{places_path} has no row for {' and '.join(missing)}: the extrinsics of both"
+            " scanners are needed."
+        )
     trajectory, pose_files = None, []
     pose_path = root / "city_SE3_egovehicle.feather"
     if pose_path.is_file():
@@ -164,7 +168,7 @@ def _read_feather(path: Path, kind: type[DriveError]) -> NDArray[Any]:
         reason = (str(error) or type(error).__name__).splitlines()[0][:200].rstrip(".")
         raise kind(f"{path} is not a readable Feather file: {reason}.") from None
     if len(table.column_names) != len(columns) or not columns or "" in columns:
-        raise kind(f"{path} is not a table of Argoverse 2: its columns have no or equal names.")
+        raise kind(f"{path} is not a table of Argoverse 2: its columns need different names.")
     rows = np.empty(table.num_rows, [(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
         rows[name] = column
@@ -181,7 +185,7 @@ def _numbers(path: Path, rows: NDArray[Any], *names: str) -> Float64Array:
     except (TypeError, ValueError):
         values = np.full((1, 1), np.nan)
     if not np.all(np.abs(values) < FARTHEST_M):
-        raise CalibrationError(f"{path} holds something else than numbers in {' '.join(names)}.")
+        raise CalibrationError(f"{path} needs finite numbers in the columns {' '.join(names)}.")
     return values
 
 
@@ -190,7 +194,7 @@ def _names(path: Path, rows: NDArray[Any]) -> list[str]:
         raise CalibrationError(f"{path} has no column sensor_name.")
     names = [str(name) for name in rows["sensor_name"]]
     if not all(name.isprintable() and len(name) < 100 and "/" not in name for name in names):
-        raise CalibrationError(f"{path} has names of sensors that are none.")
+        raise CalibrationError(f"{path} has a sensor_name that is not a plain name.")
     return names
 
 
@@ -199,7 +203,7 @@ def _motions(path: Path, rows: NDArray[Any]) -> list[Float64Array]:
     values = _numbers(path, rows, "qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
     lengths = np.linalg.norm(values[:, :4], axis=1)
     if not np.all((lengths > 1e-3) & (lengths < 1e3)):
-        raise CalibrationError(f"{path} holds a rotation that is no quaternion.")
+        raise CalibrationError(f"{path} has a row whose qw, qx, qy, qz are not a quaternion.")
     return [rigid(rotation_of_quaternion(row[:4]), row[4:]) for row in values]
 
 
@@ -252,9 +256,11 @@ class _Sweeps:
         axes, points = coordinates(path, table)
         names = table.dtype.names or ()
         if "laser_number" not in names:
-            raise ScanError(f"the scan {path} has no laser_number, which tells its two scanners.")
+            raise ScanError(
+                f"the scan {path} has no column laser_number, which tells its two scanners apart."
+            )
         if any(table[name].dtype.kind not in "fiu" for name in (*axes, "laser_number")):
-            raise ScanError(f"the scan {path} holds something else than numbers.")
+            raise ScanError(f"the scan {path} needs numbers in x, y, z and laser_number.")
         first, end = SCANNERS[scanner]
         own = np.flatnonzero((table["laser_number"] >= first) & (table["laser_number"] < end))
         others = [name for name in names if name not in axes and table[name].dtype.kind in "fiu"]
@@ -334,7 +340,9 @@ def _cameras(root: Path, places: Mapping[str, Float64Array]) -> dict[str, Camera
         fx, fy, cx, cy, width, height = values
         projection = np.array([[fx, 0, cx, 0], [0, fy, cy, 0], [0, 0, 1, 0]])
         if name not in places:
-            raise CalibrationError(f"{path} has the camera {name!r:.60}, whose place is missing.")
+            raise CalibrationError(
+                f"{path} has the camera {name!r:.60}, but its extrinsics are missing."
+            )
         try:
             cameras[name] = Camera(projection, round(width), round(height), name=name)
         except CameraError as error:

@@ -75,7 +75,9 @@ def kitti_boxes(path: Path, cam_from_velo: Float64Array, frame: int | None) -> t
             " ".join([*words[:before], *words[before + 1 :]]), path, line_number
         )
         if len(numbers) < before + 14 or max(map(abs, numbers)) > FARTHEST_M:
-            raise CalibrationError(f"{path}, line {line_number}: expected a label of KITTI.")
+            raise CalibrationError(
+                f"{path}, line {line_number}: expected a label of KITTI: the type and 14 numbers."
+            )
         if frame is not None and numbers[0] != frame:
             continue
         height, width, length, x, y, z, angle = numbers[before + 7 : before + 14]

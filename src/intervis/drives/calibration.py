@@ -1,10 +1,9 @@
 """KITTI's calibration files, and the cameras that they describe."""
 
 import codecs
-import logging
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,19 +11,10 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
-from intervis.drives.image_file import first_image_size_px
+from intervis.drives.image_size import image_size_px
 from intervis.drives.regular_file import open_regular
-from intervis.errors import CalibrationError, CameraError, DriveError, PoseError
+from intervis.errors import CalibrationError, CameraError, PoseError
 from intervis.transform import checked_pose
-
-log = logging.getLogger(__name__)
-
-KITTI_SIZE_PX = (1242, 375)
-"""Default image width and height, where neither the calibration nor an image gives them."""
-
-KITTI_CENTRE_PX = (609.0, 178.0)
-KITTI_CENTRE_TOLERANCE_PX = (25.0, 15.0)
-"""Principal points of KITTI's rectified cameras lie around this one, within this distance."""
 
 KEY_WITHOUT_COLON = re.compile(r"\s*[A-Za-z]\w*\s+[-+.\d]", re.ASCII)
 
@@ -244,138 +234,3 @@ RAW_FILES = ("calib_cam_to_cam.txt", "calib_velo_to_cam.txt")
 def raw_camera_names(folder: Path) -> tuple[str, ...]:
     """Names of the cameras in KITTI raw's calibration: ``image_00`` and so on."""
     return read_calibration_file(folder / RAW_FILES[0]).camera_names("P_rect_")
-
-
-def pick_named_camera(
-    asked: str | None, names: Collection[str], usual: str, drive: Path
-) -> str | None:
-    """Name of the camera to use, of cameras with names of their own; None where there is none.
-
-    The default is the camera `usual`, or else the first one.
-
-    Raises
-    ------
-    DriveError
-        The drive has no such camera.
-
-    Examples
-    --------
-    >>> pick_named_camera(None, ["CAM_BACK", "CAM_FRONT"], "CAM_FRONT", Path("drive"))
-    'CAM_FRONT'
-    """
-    if asked is None:
-        return usual if usual in names else next(iter(names), None)
-    if asked in names:
-        return asked
-    available = ", ".join(names) or "none"
-    raise DriveError(f"{drive} has no camera {asked!r:.60}; available cameras: {available}.")
-
-
-def pick_camera(
-    asked: str | None, names: tuple[str, ...], with_images: Collection[str], drive: Path
-) -> str | None:
-    """Name of the camera to use, None where there is none.
-
-    The default is the left colour camera (number 2). If only other cameras have images, the
-    default is the first of those.
-
-    Parameters
-    ----------
-    asked : str or None
-        A camera's name (``image_03``) or number (``3``); None for the default.
-    names : tuple of str
-        Cameras in the calibration.
-    with_images : collection of str
-        Names of the folders with images.
-    drive : Path
-        The drive's path, for the error message.
-
-    Raises
-    ------
-    DriveError
-        The drive has no such camera.
-
-    Examples
-    --------
-    >>> pick_camera(None, ("image_00", "image_02"), ("image_00", "image_02"), Path("drive"))
-    'image_02'
-    >>> pick_camera("0", ("image_00", "image_02"), (), Path("drive"))
-    'image_00'
-    """
-    if asked is not None and not isinstance(asked, str):
-        raise DriveError(f"a camera must be a name or a number in a text, got {asked!r:.60}.")
-    if asked is not None:
-        number = asked.removeprefix("image_")
-        for name in names:
-            own = name.removeprefix("image_")
-            if asked == name or (number.isdecimal() and number.lstrip("0") == own.lstrip("0")):
-                return name
-        available = ", ".join(names) or "none"
-        shown = repr(asked if len(asked) <= 60 else asked[:60] + "...")
-        raise DriveError(f"{drive} has no camera {shown}; available cameras: {available}.")
-    candidates = [name for name in names if name in with_images] or list(names)
-    left_colour = [name for name in candidates if int(name.removeprefix("image_")) == 2]
-    return next(iter(left_colour + candidates), None)
-
-
-def image_size_px(
-    images: Mapping[int, Path], projection: Float64Array, name: str
-) -> tuple[int, int]:
-    """Width and height of the first readable image; where there is none, what is likely.
-
-    Without images the principal point tells: near that of KITTI's cameras the size is KITTI's
-    usual one, otherwise the point is taken for the middle of the image, with a warning.
-
-    Parameters
-    ----------
-    images : mapping of int to Path
-    projection : (3, 4) array
-        Of the camera.
-    name : str
-        The camera's name, for the messages.
-
-    Raises
-    ------
-    DriveError
-        There are images, and none of them can be read.
-
-    Examples
-    --------
-    >>> image_size_px({}, np.array([[700.0, 0, 640, 0], [0, 700, 360, 0], [0, 0, 1, 0]]), "a")
-    (1280, 720)
-    """
-    if images:
-        return first_image_size_px(images)
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        centre_px = np.clip(np.nan_to_num(projection[:2, 2] / projection[2, 2]), -1e6, 1e6)
-    if (np.abs(centre_px - KITTI_CENTRE_PX) < KITTI_CENTRE_TOLERANCE_PX).all():
-        log.info("no images: KITTI's image size of %d x %d pixels is used.", *KITTI_SIZE_PX)
-        return KITTI_SIZE_PX
-    width_px, height_px = (round(2 * float(middle)) for middle in centre_px)
-    log.warning(
-        "there are no images of %s: their size is taken as %d x %d pixels, with the principal point"
-        " in the middle.",
-        *(name, width_px, height_px),
-    )
-    return width_px, height_px
-
-
-def warn_of_other_size(camera: Camera, images: Mapping[int, Path]) -> None:
-    """Log a warning where the images do not have the size in the calibration."""
-    if not images:
-        return
-    try:
-        width_px, height_px = first_image_size_px(images)
-    except DriveError as error:
-        log.warning("%s", error)
-        return
-    if (width_px, height_px) != (camera.width_px, camera.height_px):
-        log.warning(
-            "the images of %s are %d x %d pixels, but its calibration gives %d x %d: the size in"
-            " the calibration is used.",
-            camera.name,
-            width_px,
-            height_px,
-            camera.width_px,
-            camera.height_px,
-        )

@@ -4,7 +4,8 @@ The points of a station are in its scanner's frame; its pose moves them into the
 A pose may lack its rotation or its translation. Read with pye57 (extra ``e57``).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,7 @@ def find_roots(path: Path) -> list[Path]:
 def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the stations of a file, or of all files of a folder, numbered from 0."""
     if camera is not None:
-        raise DriveError(f"{root} has no camera {camera!r:.60}: E57 files hold stations alone.")
+        raise DriveError(f"{root} has no camera {camera!r:.60}: no camera is read from E57.")
     stations: list[tuple[Path, int]] = []
     poses: dict[int, Float64Array] = {}
     for path in [root] if root.is_file() else files_with_ending(root, ENDING):
@@ -76,12 +77,23 @@ def _opened(path: Path) -> Any:
         import pye57
     except ImportError:
         raise MissingExtraError("pye57", "e57", "Reading an E57 file") from None
-    try:
+    with _readable(path):
         open_regular(path).close()
         return pye57.E57(str(path))
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Report what pye57 raises as an error of this file, in one sentence."""
+    try:
+        yield
+    except DriveError:
+        raise
     except OSError as error:
-        raise ScanError(f"cannot read the scan {path}: {error.strerror}.") from None
-    except Exception as error:
+        raise ScanError(
+            f"cannot read the scan {path}: {error.strerror or _brief(error)}."
+        ) from None
+    except Exception as error:  # pye57 raises various types on damaged files
         raise ScanError(f"{path} is not a readable E57 file ({_brief(error)}).") from None
 
 
@@ -93,16 +105,9 @@ def _brief(error: Exception) -> str:
 
 def _poses(path: Path) -> list[Float64Array | None]:
     """Poses of the stations of a file; None where the file states none."""
-    file = _opened(path)
-    try:
+    with closing(_opened(path)) as file, _readable(path):
         headers = [file.get_header(index) for index in range(file.scan_count)]
         return [pose_of_node(path, header.node) for header in headers]
-    except DriveError:
-        raise
-    except Exception as error:
-        raise ScanError(f"{path} is not a readable E57 file ({_brief(error)}).") from None
-    finally:
-        file.close()
 
 
 def pose_of_node(path: Path, node: Any) -> Float64Array | None:
@@ -132,25 +137,20 @@ def pose_of_node(path: Path, node: Any) -> Float64Array | None:
     quaternion = np.array(list(parts["rotation"].values()))
     translation = np.array(list(parts["translation"].values()))
     if not (np.abs(translation) < FARTHEST_M).all() or not 1e-3 < np.linalg.norm(quaternion) < 1e3:
-        raise CalibrationError(f"{path} has a station with a pose that is no rigid motion.")
+        raise CalibrationError(
+            f"{path} has a station whose pose is not a quaternion and a translation in metres."
+        )
     return rigid(rotation_of_quaternion(quaternion), translation)
 
 
 def _columns(path: Path, index: int) -> dict[str, NDArray[Any]]:
-    file = _opened(path)
-    try:
+    with closing(_opened(path)) as file, _readable(path):
         points = int(file.get_header(index).point_count)
         if not 0 <= points < MOST_POINTS:
             raise ScanError(f"the scan {path} declares {points} points, which is too many.")
         if points == 0:
             raise ScanError(f"the scan {path} holds no points in its station {index}.")
         return dict(file.read_scan_raw(index, ignore_unsupported_fields=True))
-    except DriveError:
-        raise
-    except Exception as error:
-        raise ScanError(f"the scan {path} cannot be read ({_brief(error)}).") from None
-    finally:
-        file.close()
 
 
 def _scan(path: Path, columns: Mapping[str, NDArray[Any]]) -> Scan:

@@ -9,15 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from intervis.drives.boxes import Box, kitti_boxes
-from intervis.drives.calibration import (
-    CameraCalibration,
-    pick_camera,
-    read_calibration_file,
-)
+from intervis.drives.calibration import CameraCalibration, read_calibration_file
 from intervis.drives.drive import Drive
-from intervis.drives.image_file import IMAGE_ENDINGS
+from intervis.drives.kitti_files import image_folders, kitti_camera, kitti_drive
 from intervis.drives.numbering import numbered_files, numbered_scans
-from intervis.drives.point_labels import label_files
 from intervis.errors import CalibrationError
 
 EXPECTED_FILES = "velodyne/*.bin beside calib/ or image_2/, also under training/ (KITTI object)"
@@ -37,30 +32,27 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the drive in a folder that `find_roots` returned."""
     scans = numbered_scans(root, "velodyne", EXPECTED_FILES)
     calibrations = numbered_files(root / "calib", ".txt")
-    with_images = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
-    if with_images and not calibrations:
+    folders = image_folders(root)
+    if folders and not calibrations:
         raise CalibrationError(
             f"{root} has images but no calibration; each frame needs a file in {root / 'calib'}."
         )
     names = _camera_names(calibrations, scans)
-    chosen = pick_camera(camera, names, with_images, root)
-    images = numbered_files(root / chosen, *IMAGE_ENDINGS) if chosen else {}
-    calibration_of = (
-        ObjectCalibrations(root / "calib", chosen, calibrations, images) if chosen else None
-    )
+    chosen = kitti_camera(camera, names, folders, root)
+    calibration_of = None
+    if chosen.name:
+        calibration_of = ObjectCalibrations(
+            root / "calib", chosen.name, calibrations, chosen.images
+        )
     labels = numbered_files(root / "label_2", ".txt")
-    return Drive(
-        root=root,
-        name=root.name,
-        layout="kitti_object",
-        scan_paths=scans,
-        image_paths=images,
-        camera_names=names,
-        camera_name=chosen,
-        calibration=calibration_of,
+    return kitti_drive(
+        root,
+        "kitti_object",
+        scans,
+        chosen,
+        calibration_of,
+        tuple(calibrations.values()),
         read_boxes=_Labels(labels, calibration_of) if calibration_of and labels else None,
-        metadata_files=tuple(calibrations.values()),
-        label_paths=label_files(scans),
     )
 
 

@@ -8,15 +8,10 @@ of calib.txt.
 
 from pathlib import Path
 
-from intervis.drives.calibration import (
-    CameraCalibration,
-    pick_camera,
-    read_calibration_file,
-)
+from intervis.drives.calibration import CameraCalibration, read_calibration_file
 from intervis.drives.drive import Drive
-from intervis.drives.image_file import IMAGE_ENDINGS
-from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
-from intervis.drives.point_labels import label_files
+from intervis.drives.kitti_files import image_folders, kitti_camera, kitti_drive
+from intervis.drives.numbering import lines_by_number, numbered_scans
 from intervis.drives.trajectory import known_timestamps, lidar_poses, read_poses, read_seconds
 
 EXPECTED_FILES = "velodyne/*.bin beside calib.txt or times.txt (KITTI odometry)"
@@ -46,19 +41,18 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the drive in a folder that `find_roots` returned."""
     scans = numbered_scans(root, "velodyne", EXPECTED_FILES)
     numbers = list(scans)
-    with_images = {folder.name for folder in root.glob("image_*") if folder.is_dir()}
+    folders = image_folders(root)
     pose_path = _pose_file(root)
     calibration = None
-    if with_images or pose_path or (root / "calib.txt").is_file():
+    if folders or pose_path or (root / "calib.txt").is_file():
         calibration = read_calibration_file(root / "calib.txt")
     names = calibration.camera_names("P") if calibration else ()
-    chosen = pick_camera(camera, names, with_images, root)
-    images = numbered_files(root / chosen, *IMAGE_ENDINGS) if chosen else {}
+    chosen = kitti_camera(camera, names, folders, root)
     camera_calibration, poses = None, None
     metadata_files = [root / "calib.txt"] if calibration else []
-    if calibration and chosen:
-        key = chosen.replace("image_", "P")
-        model = calibration.camera(key, images, chosen)
+    if calibration and chosen.name:
+        key = chosen.name.replace("image_", "P")
+        model = calibration.camera(key, chosen.images, chosen.name)
         camera_calibration = CameraCalibration(model, calibration.rigid_motion("Tr"))
     if calibration and pose_path:
         poses_velo = lidar_poses(read_poses(pose_path), calibration.rigid_motion("Tr"))
@@ -69,19 +63,15 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         lines = lines_by_number(read_seconds(times), numbers, times, may_be_longer=True)
         timestamps_ns = known_timestamps(lines)
         metadata_files.append(times)
-    return Drive(
-        root=root,
-        name=root.name,
-        layout="kitti_odometry",
-        scan_paths=scans,
-        image_paths=images,
-        camera_names=names,
-        camera_name=chosen,
-        calibration=camera_calibration,
+    return kitti_drive(
+        root,
+        "kitti_odometry",
+        scans,
+        chosen,
+        camera_calibration,
+        tuple(metadata_files),
         poses=poses,
         timestamps_ns=timestamps_ns,
-        metadata_files=tuple(metadata_files),
-        label_paths=label_files(scans),
     )
 
 

@@ -11,14 +11,13 @@ from pathlib import Path
 from intervis.arrays import Float64Array
 from intervis.drives.calibration import (
     RAW_FILES,
-    pick_camera,
     raw_camera_calibration,
     raw_camera_names,
     read_calibration_file,
-    warn_of_other_size,
 )
 from intervis.drives.drive import Drive
-from intervis.drives.image_file import IMAGE_ENDINGS
+from intervis.drives.image_size import warn_of_other_size
+from intervis.drives.kitti_files import image_folders, kitti_camera
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
 from intervis.drives.trajectory import (
     known_timestamps,
@@ -46,15 +45,14 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the drive in a folder that `find_roots` returned."""
     scans = numbered_scans(root, "velodyne_points/data", EXPECTED_FILES)
     date, numbers = root.parent, list(scans)
-    with_images = {folder.parent.name for folder in root.glob("image_*/data") if folder.is_dir()}
+    folders = image_folders(root, "data")
     names: tuple[str, ...] = ()
-    if with_images or all((date / file).is_file() for file in RAW_FILES):
+    if folders or all((date / file).is_file() for file in RAW_FILES):
         names = raw_camera_names(date)
-    chosen = pick_camera(camera, names, with_images, root)
-    calibration = raw_camera_calibration(date, chosen) if chosen else None
-    images = numbered_files(root / chosen / "data", *IMAGE_ENDINGS) if chosen else {}
+    chosen = kitti_camera(camera, names, folders, root)
+    calibration = raw_camera_calibration(date, chosen.name) if chosen.name else None
     if calibration:
-        warn_of_other_size(calibration.camera, images)
+        warn_of_other_size(calibration.camera, chosen.images)
     else:
         log.info("%s has no images and no complete calibration: it is read without a camera.", root)
     poses, pose_files = _read_poses(root, numbers)
@@ -65,9 +63,9 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         name=root.name,
         layout="kitti_raw",
         scan_paths=scans,
-        image_paths=images,
-        camera_names=names,
-        camera_name=chosen,
+        image_paths=chosen.images,
+        camera_names=chosen.names,
+        camera_name=chosen.name,
         calibration=calibration,
         poses=poses,
         timestamps_ns=timestamps_ns,

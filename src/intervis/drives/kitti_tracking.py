@@ -11,16 +11,10 @@ from pathlib import Path
 
 from intervis.arrays import Float64Array
 from intervis.drives.boxes import Box, kitti_boxes
-from intervis.drives.calibration import (
-    CalibrationFile,
-    CameraCalibration,
-    pick_camera,
-    read_calibration_file,
-)
+from intervis.drives.calibration import CalibrationFile, CameraCalibration, read_calibration_file
 from intervis.drives.drive import Drive
-from intervis.drives.image_file import IMAGE_ENDINGS
-from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
-from intervis.drives.point_labels import label_files
+from intervis.drives.kitti_files import image_folders, kitti_camera, kitti_drive
+from intervis.drives.numbering import lines_by_number, numbered_scans
 from intervis.drives.trajectory import poses_from_oxts, read_oxts_lines
 
 log = logging.getLogger(__name__)
@@ -57,36 +51,31 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     base, sequence = root.parent.parent, root.name
     scans = numbered_scans(root, ".", EXPECTED_FILES)
     calibration_path, oxts_path = (base / kind / f"{sequence}.txt" for kind in ("calib", "oxts"))
-    with_images = {folder.name for folder in base.glob("image_*") if (folder / sequence).is_dir()}
+    folders = image_folders(base, sequence)
     calibration = None
-    if with_images or calibration_path.is_file():
+    if folders or calibration_path.is_file():
         calibration = read_calibration_file(calibration_path)
     names = calibration.camera_names("P", digits=2) if calibration else ()
-    chosen = pick_camera(camera, names, with_images, root)
-    images = numbered_files(base / chosen / sequence, *IMAGE_ENDINGS) if chosen else {}
+    chosen = kitti_camera(camera, names, folders, root)
     camera_calibration = None
-    if calibration and chosen:
-        key = f"P{int(chosen.removeprefix('image_'))}"
+    if calibration and chosen.name:
+        key = f"P{int(chosen.name.removeprefix('image_'))}"
         camera_calibration = CameraCalibration(
-            calibration.camera(key, images, chosen), calibration.rect_from_velo()
+            calibration.camera(key, chosen.images, chosen.name), calibration.rect_from_velo()
         )
     label_path = base / "label_02" / f"{sequence}.txt"
     poses, metadata_files = None, [calibration_path] if calibration else []
     if calibration and oxts_path.is_file():
         poses = _poses(oxts_path, calibration, list(scans))
         metadata_files.append(oxts_path)
-    return Drive(
-        root=root,
-        name=sequence,
-        layout="kitti_tracking",
-        scan_paths=scans,
-        image_paths=images,
-        camera_names=names,
-        camera_name=chosen,
-        calibration=camera_calibration,
+    return kitti_drive(
+        root,
+        "kitti_tracking",
+        scans,
+        chosen,
+        camera_calibration,
+        tuple(metadata_files),
         poses=poses,
-        metadata_files=tuple(metadata_files),
-        label_paths=label_files(scans),
         read_boxes=_Labels(label_path, camera_calibration.cam_from_velo)
         if camera_calibration and label_path.is_file()
         else None,

@@ -11,8 +11,6 @@ axes. Points are turned by whole right angles into x forward, y left, z up of th
 """
 
 import logging
-from bisect import bisect_left
-from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -21,60 +19,38 @@ from pathlib import Path
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.camera import Camera
 from intervis.drives.boxes import Box
-from intervis.drives.calibration import CameraCalibration, pick_named_camera
+from intervis.drives.calibration import CameraCalibration
+from intervis.drives.camera_choice import pick_named_camera
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
+from intervis.drives.nuscenes_sweeps import (
+    CameraSweep,
+    Channel,
+    Sweep,
+    channels_of,
+    is_plain_name,
+)
 from intervis.drives.nuscenes_tables import (
     Record,
     numbers_of,
     pose_of,
     read_table,
+    record_of,
     text_of,
-    time_ns_of,
 )
 from intervis.drives.scan import Scan
 from intervis.drives.scan_file import read_nuscenes, reading
 from intervis.drives.vehicle_axes import sensor_from_velo
-from intervis.errors import CalibrationError, CameraError, DriveError
+from intervis.errors import DriveError
 from intervis.transform import inverse
 
 log = logging.getLogger(__name__)
 
 EXPECTED_FILES = "scene.json and sample_data.json, also under v1.0-*/ (nuScenes)"
 MAIN_SCANNER, MAIN_CAMERA = "LIDAR_TOP", "CAM_FRONT"
-LONGEST_NAME = 1000
-"""Letters of the name of a file at most."""
-
 IMAGE_WITHIN_NS = 100_000_000
 """An image belongs to a sweep where it was taken within this time of it."""
-
-
-@dataclass(frozen=True)
-class _Sweep:
-    """A file of a sensor: a scan or an image, with its place and time."""
-
-    path: Path
-    time_ns: int
-    world_from_ego: Float64Array
-    ego_from_sensor: Float64Array
-    sample: str = ""
-    """Token of the sample whose key frame this is."""
-
-
-@dataclass(frozen=True)
-class _Channel:
-    """The files of one sensor in the order of time."""
-
-    name: str
-    sweeps: tuple[_Sweep, ...]
-
-    def nearest(self, time_ns: int) -> _Sweep:
-        """The file nearest in time."""
-        place = bisect_left([sweep.time_ns for sweep in self.sweeps], time_ns)
-        around = self.sweeps[max(0, place - 1) : place + 1]
-        return min(around, key=lambda sweep: abs(sweep.time_ns - time_ns))
 
 
 # --- finding scenes ---
@@ -111,17 +87,8 @@ def _scenes(folder: Path) -> dict[str, str]:
     scenes = {}
     for nth, (token, record) in enumerate(read_table(folder, "scene").items()):
         names = (text_of(table, record, "name"), token, f"scene {nth}")
-        scenes[next(name for name in names if _may_name_a_drive(name))] = token
+        scenes[next(name for name in names if is_plain_name(name))] = token
     return scenes
-
-
-def _may_name_a_drive(name: str) -> bool:
-    return (
-        name.isprintable()
-        and "/" not in name
-        and name not in ("", ".", "..")
-        and len(name) <= LONGEST_NAME
-    )
 
 
 # --- reading a scene ---
@@ -130,19 +97,22 @@ def _may_name_a_drive(name: str) -> bool:
 def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the scene that `find_roots` or `find_scene` returned."""
     folder = root.parent
-    channels = _channels(folder, _scenes(folder)[root.name])
+    channels = channels_of(folder, _scenes(folder)[root.name])
     scanners = {name: found for name, found in channels.items() if found[0] == "lidar"}
     if not scanners:
-        raise DriveError(f"{root} has no sweeps of a scanner in its tables.")
+        raise DriveError(f"{root} lists no sweep of a lidar in its tables.")
     main = (scanners.get(MAIN_SCANNER) or next(iter(scanners.values())))[1]
     cameras = {name: found[1] for name, found in channels.items() if found[0] == "camera"}
     chosen = pick_named_camera(camera, cameras, MAIN_CAMERA, root)
     there = {number: sweep for number, sweep in enumerate(main.sweeps) if sweep.path.is_file()}
     if not there:
-        raise DriveError(f"none of the sweeps of {root} is there, such as {main.sweeps[0].path}.")
+        raise DriveError(
+            f"none of the scans of {root} exists, for example {main.sweeps[0].path}: put"
+            " samples and sweeps beside the tables."
+        )
     if len(there) < len(main.sweeps):
         log.warning(
-            "%d of the %d sweeps of %s are not there: they are no frames.",
+            "%d of the %d sweeps of %s do not exist: they become no frames.",
             *(len(main.sweeps) - len(there), len(main.sweeps), root.name),
         )
     images = {}
@@ -173,80 +143,15 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     )
 
 
-def _channels(folder: Path, scene_token: str) -> dict[str, tuple[str, _Channel]]:
-    """Modality and files of each sensor in a scene, by the sensor's channel."""
-    samples = read_table(folder, "sample", "scene_token", scene_token.__eq__)
-    sweeps = read_table(folder, "sample_data", "sample_token", samples.__contains__)
-    table = folder / "sample_data.json"
-    ego_tokens = {text_of(table, record, "ego_pose_token") for record in sweeps.values()}
-    egos = read_table(folder, "ego_pose", "token", ego_tokens.__contains__)
-    calibrated, sensors = (read_table(folder, name) for name in ("calibrated_sensor", "sensor"))
-    found: dict[str, list[_Sweep]] = defaultdict(list)
-    modality = {}
-    for record in sweeps.values():
-        sensor_of = _record_of(folder, calibrated, record, "calibrated_sensor")
-        sensor = _record_of(folder, sensors, sensor_of, "sensor")
-        channel = text_of(folder / "sensor.json", sensor, "channel")
-        if not _may_name_a_drive(channel):
-            raise CalibrationError(f"{folder / 'sensor.json'} has a channel that is no name.")
-        modality[channel] = text_of(folder / "sensor.json", sensor, "modality")
-        if modality[channel] not in ("lidar", "camera"):
-            continue
-        ego = _record_of(folder, egos, record, "ego_pose")
-        sweep = _Sweep(
-            _file(folder, text_of(table, record, "filename")),
-            time_ns_of(table, record),
-            pose_of(folder / "ego_pose.json", ego),
-            pose_of(folder / "calibrated_sensor.json", sensor_of),
-            text_of(table, record, "sample_token") if record.get("is_key_frame") is True else "",
-        )
-        if modality[channel] == "camera":
-            sweep = _CameraSweep(
-                *(sweep.path, sweep.time_ns, sweep.world_from_ego, sweep.ego_from_sensor),
-                camera=_camera(folder, record, sensor_of, channel),
-            )
-        found[channel].append(sweep)
-    return {
-        name: (modality[name], _Channel(name, tuple(sorted(files, key=lambda file: file.time_ns))))
-        for name, files in sorted(found.items())
-    }
-
-
-def _record_of(folder: Path, records: Mapping[str, Record], record: Record, table: str) -> Record:
-    """The record of another table that a record names."""
-    token = text_of(folder, record, f"{table}_token")
-    if token not in records:
-        raise CalibrationError(f"{folder / table}.json has no record {token!r:.60}.")
-    return records[token]
-
-
-def _file(folder: Path, name: str) -> Path:
-    """A file that a table names: beside the folder of tables, or in it; never outside of both."""
-    parts = Path(name).parts
-    if (
-        not parts
-        or "\0" in name
-        or len(name) > LONGEST_NAME
-        or not name.isprintable()
-        or ".." in parts
-        or Path(name).is_absolute()
-    ):
-        raise CalibrationError(
-            f"{folder / 'sample_data.json'} names the invalid file {name!r:.80}."
-        )
-    beside = folder.parent / name
-    return folder / name if not beside.exists() and (folder / name).exists() else beside
-
-
 # --- scanners ---
 
 
-def _world_from_velo(sweep: _Sweep) -> Float64Array:
+def _world_from_velo(sweep: Sweep) -> Float64Array:
     axes = sensor_from_velo(sweep.ego_from_sensor)
     return sweep.world_from_ego @ sweep.ego_from_sensor @ axes
 
 
-def _read(sweep: _Sweep) -> Scan:
+def _read(sweep: Sweep) -> Scan:
     velo_from_sensor = sensor_from_velo(sweep.ego_from_sensor).T
     return reading(sweep.path, partial(read_nuscenes, velo_from_file=velo_from_sensor))
 
@@ -255,7 +160,7 @@ def _read(sweep: _Sweep) -> Scan:
 class _SceneReader:
     """Reads the sweeps of the main scanner."""
 
-    sweeps: Mapping[int, _Sweep]
+    sweeps: Mapping[int, Sweep]
 
     def __call__(self, number: int) -> Scan:
         return _read(self.sweeps[number])
@@ -265,8 +170,8 @@ class _SceneReader:
 class _OtherScans:
     """Reads the scans of the other scanners that are nearest in time to a frame."""
 
-    sweeps: Mapping[int, _Sweep]
-    channels: tuple[_Channel, ...]
+    sweeps: Mapping[int, Sweep]
+    channels: tuple[Channel, ...]
 
     def __call__(self, number: int) -> tuple[ScannerScan, ...]:
         scans = []
@@ -295,7 +200,7 @@ class _Boxes:
     """Reads the annotations of the samples whose key frames the sweeps are."""
 
     folder: Path
-    sweeps: Mapping[int, _Sweep]
+    sweeps: Mapping[int, Sweep]
 
     def __call__(self, number: int) -> tuple[Box, ...]:
         sweep = self.sweeps[number]
@@ -319,8 +224,8 @@ def _annotations(folder: Path, samples: frozenset[str]) -> Mapping[str, list[tup
     categories = read_table(folder, "category")
     found: dict[str, list[tuple[Record, str]]] = {sample: [] for sample in samples}
     for record in records.values():
-        instance = _record_of(folder, instances, record, "instance")
-        category = _record_of(folder, categories, instance, "category")
+        instance = record_of(folder, instances, record, "instance")
+        category = record_of(folder, categories, instance, "category")
         name = text_of(folder / "category.json", category, "name")
         found[text_of(table, record, "sample_token")].append((record, name))
     return found
@@ -343,32 +248,17 @@ def _box(folder: Path, record: Record, category: str, velo_from_world: Float64Ar
 
 
 @dataclass(frozen=True)
-class _CameraSweep(_Sweep):
-    camera: Camera | None = None
-
-
-def _camera(folder: Path, record: Record, sensor_of: Record, channel: str) -> Camera:
-    intrinsics = numbers_of(folder / "calibrated_sensor.json", sensor_of, "camera_intrinsic", 3, 3)
-    projection = np.column_stack([intrinsics, np.zeros(3)])
-    width_px, height_px = (record.get(key) for key in ("width", "height"))
-    try:
-        return Camera(projection, width_px, height_px, name=channel)  # type: ignore[arg-type]
-    except CameraError as error:
-        raise CalibrationError(f"{folder / 'sample_data.json'}, {channel}: {error}") from None
-
-
-@dataclass(frozen=True)
 class _SceneCalibration:
     """Camera and extrinsics of each frame: the vehicle moves between sweep and image."""
 
-    sweeps: Mapping[int, _Sweep]
-    images: _Channel
+    sweeps: Mapping[int, Sweep]
+    images: Channel
     folder: Path
 
     def __call__(self, number: int) -> CameraCalibration:
         sweep = self.sweeps[number]
         image = self.images.nearest(sweep.time_ns)
-        assert isinstance(image, _CameraSweep)
+        assert isinstance(image, CameraSweep)
         assert image.camera is not None
         world_from_cam = image.world_from_ego @ image.ego_from_sensor
         return CameraCalibration(image.camera, inverse(world_from_cam) @ _world_from_velo(sweep))

@@ -122,6 +122,14 @@ def text_of(table: Path, record: Record, key: str) -> str:
     return value
 
 
+def record_of(folder: Path, records: Mapping[str, Record], record: Record, table: str) -> Record:
+    """The record of another table that a record names."""
+    token = text_of(folder, record, f"{table}_token")
+    if token not in records:
+        raise CalibrationError(f"{folder / table}.json has no record {token!r:.60}.")
+    return records[token]
+
+
 def numbers_of(table: Path, record: Record, key: str, *shape: int) -> Float64Array:
     """Finite numbers of a record in the given shape."""
     try:

@@ -83,7 +83,7 @@ def read_viewpoint(path: Path) -> Float64Array | None:
     position, quaternion_wxyz = values[:3], values[3:]
     is_pose = len(values) == 7 and np.abs(values).max() < FARTHEST_M  # False for NaN
     if not is_pose or not 1e-3 < np.linalg.norm(quaternion_wxyz) < 1e3:
-        log.warning("%s: its VIEWPOINT is no position with a quaternion, and is not used.", path)
+        log.warning("%s: its VIEWPOINT is not a position and a quaternion, and is ignored.", path)
         return None
     rotation = rotation_of_quaternion(quaternion_wxyz)
     if np.allclose(rotation, np.eye(3), atol=1e-9) and not position.any():
@@ -125,8 +125,8 @@ def _read_ascii(file: BinaryIO, header: PcdHeader, path: Path) -> NDArray[Any]:
     words = len(lines[0].split())
     if len(lines) > header.points or words > values:
         log.warning(
-            "%s: its header declares %d points of %d numbers, and it holds %d of %d: what goes"
-            " beyond the header is left out.",
+            "%s: its header declares %d points of %d numbers, and it holds %d of %d: the surplus"
+            " is left out.",
             *(path, header.points, values, len(lines), words),
         )
     return _parse_rows(lines[: header.points], row, values)

@@ -78,7 +78,7 @@ def find_roots(path: Path) -> list[Path]:
 def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the stations of a file, or of all files of a folder, numbered from 0."""
     if camera is not None:
-        raise DriveError(f"{root} has no camera {camera!r}: PTX files hold stations alone.")
+        raise DriveError(f"{root} has no camera {camera!r}: PTX files hold no images.")
     paths = [root] if root.is_file() else files_with_ending(root, ENDING)
     if root.is_dir() and any(path.suffix.lower() == ".e57" for path in root.iterdir()):
         raise DriveError(f"{root} holds stations in PTX and in E57; give the path of one file.")
@@ -161,7 +161,8 @@ def _read_header(file: BinaryIO, path: Path, line_number: int, end: int) -> Stat
     matrix, position = np.array(rows[6:]).T, np.array(rows[2])
     if max(np.abs(matrix).max(), np.abs(position).max()) > FARTHEST_M:
         raise CalibrationError(
-            f"{path}, line {line_number}: a place of more than {FARTHEST_M:.0e} m is none on Earth."
+            f"{path}, line {line_number}: the station has a number beyond {FARTHEST_M:.0e}: its"
+            " lengths must be metres."
         )
     try:
         pose = checked_pose(matrix, "the matrix of the station")
@@ -226,5 +227,8 @@ def _velo_from_file(station: Station, points: Float64Array) -> Float64Array | No
     known = points[np.isfinite(points).all(axis=1)]
     if not stands_at_pose(known, station.position):
         return None
-    log.info("the points of %s are in the world: they are moved to the scanner.", station.path)
+    log.info(
+        "the points of %s are in world coordinates: they are moved into the scanner's frame.",
+        station.path,
+    )
     return rigid(np.eye(3), -station.position)

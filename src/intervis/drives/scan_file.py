@@ -141,14 +141,14 @@ def _read_float32_rows(path: Path, usual: int, velo_from_file: Float64Array | No
     if not certain:
         raise ScanError(
             f"the scan {path} does not have the {usual} columns of a {scan_ending(path)} file, but"
-            f" perhaps {width} ({4 * width} bytes a point), which its data does not prove: save its"
-            " columns x, y, z and intensity as .npy."
+            f" perhaps {width} ({4 * width} bytes a point), which its data does not confirm: save"
+            " its columns x, y, z and intensity as .npy."
         )
     names = column_names(values, width)
     if width != usual:
         log.warning(
-            "%s is read with %d columns (x y z %s) instead of %d: only so do successive returns"
-            " follow each other.",
+            "%s is read with %d columns (x y z %s) instead of %d: with these, successive returns"
+            " lie at neighbouring azimuths.",
             *(path, width, " ".join(names), usual),
         )
     elif usual == 5:

@@ -8,12 +8,8 @@ that PCD files state (VIEWPOINT), or those in 3DTK's ``.pose`` files.
 from collections import Counter
 from pathlib import Path
 
-from intervis.drives.calibration import (
-    RAW_FILES,
-    pick_camera,
-    raw_camera_calibration,
-    raw_camera_names,
-)
+from intervis.drives.calibration import RAW_FILES, raw_camera_calibration, raw_camera_names
+from intervis.drives.camera_choice import pick_camera
 from intervis.drives.drive import Drive
 from intervis.drives.numbering import lines_by_number, numbered_by_name
 from intervis.drives.point_labels import label_files

@@ -80,7 +80,7 @@ def _mark_no_returns(path: Path, rows: NDArray[Any]) -> None:
     if count >= max(8.0, PILE_SHARE * len(rows)) and count > np.count_nonzero(before):
         rows[pile, :3] = np.nan
         log.info(
-            "%s: %d ranges near %.2f m mean that nothing came back, and are no points.",
+            "%s: %d ranges near %.2f m mark beams without a return and become NaN.",
             *(path, count, largest_m),
         )
 

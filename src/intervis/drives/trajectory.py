@@ -199,7 +199,7 @@ def read_seconds(path: Path) -> list[int | None]:
         if abs(values[0]) > LATEST_S:
             raise CalibrationError(
                 f"{path}, line {line_number}: {line.strip()[:40]!r} is beyond {LATEST_S:.0e}"
-                " seconds: no time that 64 bits of nanoseconds hold."
+                " seconds, which 64 bits of nanoseconds do not hold."
             )
         # Exact: a float of seconds since 1970 has no nanoseconds.
         try:

@@ -190,8 +190,8 @@ def stated_poses(
     first = next(iter(poses.values()))
     if len(poses) > 1 and all(np.allclose(pose, first, atol=1e-9) for pose in poses.values()):
         log.warning(
-            "the %d scans in %s state one and the same VIEWPOINT: it is taken for the way the"
-            " scanner is mounted, not for the pose of each scan.",
+            "the %d scans in %s share one VIEWPOINT: it is taken for the extrinsics of the"
+            " scanner, not for the pose of each scan.",
             *(len(poses), _folder(paths)),
         )
         return None, read
@@ -212,7 +212,7 @@ def _in_world(paths: Mapping[int, Path], poses: Mapping[int, Float64Array]) -> b
         )
     else:
         log.info(
-            "the points in %s are in the frame %s, as their own visibility shows.",
+            "the points in %s are in the frame %s, as a visibility test shows.",
             _folder(paths),
             "of their VIEWPOINT: they are moved into the scanner's"
             if in_world
@@ -221,8 +221,8 @@ def _in_world(paths: Mapping[int, Path], poses: Mapping[int, Float64Array]) -> b
     hidden = max((shares[in_world] for _, shares in seen), default=0.0)
     if hidden > MOST_HIDDEN:
         log.warning(
-            "%.0f %% of the points in %s are hidden by others from where the scanner is said to"
-            " have stood: they are no scan from there.",
+            "%.0f %% of the points in %s are occluded by others from the stated position of the"
+            " scanner: they are a map or several scans, not one scan from there.",
             *(100 * hidden, _folder(paths)),
         )
     return in_world

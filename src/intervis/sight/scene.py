@@ -330,7 +330,8 @@ def _thresholds(risk: Any) -> Thresholds:
     least, most = RISK_RANGE
     if not least <= _finite("risk", risk, "0.001 to 0.2") <= most:
         raise SettingsError(
-            f"risk says how often a word may be wrong, from {least} to {most}, got {risk!r}."
+            f"risk, the allowed share of wrong answers, must be from {least} to {most}, got"
+            f" {risk!r}."
         )
     return thresholds_for(float(risk))
 

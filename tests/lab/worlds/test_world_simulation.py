@@ -322,6 +322,62 @@ def test_a_world_that_is_an_array_is_a_drive_error(tmp_path: Path) -> None:
         load_world(tmp_path)
 
 
+GOOD_WORLD = {
+    "static_triangles": np.zeros((2, 3, 3), np.float32),
+    "static_labels": np.array([1, 6], np.int8),
+    "static_colours": np.zeros((2, 3), np.float16),
+    "static_reflectances": np.zeros(2, np.float16),
+    "moving_triangles": np.zeros((3, 3, 3), np.float32),
+    "moving_labels": np.full(3, 14, np.int8),
+    "moving_colours": np.zeros((3, 3), np.float16),
+    "moving_reflectances": np.zeros(3, np.float16),
+    "actor_names": np.array(["car 1", "car 2"]),
+    "actor_sizes": np.array([1, 2]),
+    "actor_poses": np.broadcast_to(np.eye(4), (5, 2, 4, 4)),
+    "vehicle_poses": np.broadcast_to(np.eye(4), (5, 4, 4)),
+}
+BAD_ARRAYS = [
+    *((name, value) for name in GOOD_WORLD for value in (np.array(1.0), np.array("x"), None)),
+    *((name, GOOD_WORLD[name][:-1]) for name in GOOD_WORLD),
+    ("static_triangles", np.full((2, 3, 3), 1e300)),
+    ("static_triangles", np.full((2, 3, 3), np.nan)),
+    ("static_triangles", np.zeros((2, 9))),
+    ("static_labels", np.array([1, 19])),
+    ("static_labels", np.array([1.5, 2.0])),
+    ("static_labels", np.array([1e300, np.inf])),
+    ("static_colours", np.full((2, 3), 1j)),
+    ("moving_reflectances", np.full(3, np.inf)),
+    ("actor_sizes", np.array([-1, 4])),
+    ("actor_sizes", np.array([1.5, 1.5])),
+    ("actor_names", np.array([b"car 1", b"car 2"])),
+    ("vehicle_poses", np.full((5, 4, 4), np.inf)),
+]
+
+
+def save_world(folder: Path, arrays: dict) -> None:
+    np.savez(folder / "world.npz", **{k: v for k, v in arrays.items() if v is not None})
+
+
+def test_a_world_of_valid_arrays_is_read(tmp_path: Path) -> None:
+    save_world(tmp_path, GOOD_WORLD)
+    world = load_world(tmp_path)
+    assert [(name, len(triangles)) for name, triangles in world.actors] == [
+        ("car 1", 1),
+        ("car 2", 2),
+    ]
+    assert world.static.labels.tolist() == [1, 6]
+    assert world.frame_count == 5
+
+
+@pytest.mark.parametrize(("name", "value"), BAD_ARRAYS)
+def test_a_world_with_a_wrong_array_is_refused_in_one_sentence(
+    tmp_path: Path, name: str, value
+) -> None:
+    save_world(tmp_path, GOOD_WORLD | {name: value})
+    with pytest.raises(DriveError, match=r"^cannot read .*world.npz: .*; simulate the drive again"):
+        load_world(tmp_path)
+
+
 def test_a_world_that_lacks_a_part_is_a_drive_error(tmp_path: Path) -> None:
     np.savez(tmp_path / "world.npz", static_triangles=np.zeros((1, 3, 3)))
     with pytest.raises(DriveError, match=r"cannot read .*world.npz"):

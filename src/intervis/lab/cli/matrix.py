@@ -65,8 +65,8 @@ def matrix(
     )
     if not chosen:
         raise SettingsError(
-            "these scanners, mounts and worlds make no cell: the terrestrial scanner stands on its"
-            " tripod only, the others never do, and the hall has no mast."
+            "these scanners, mounts and worlds cannot be combined: the terrestrial scanner stands"
+            " on its tripod only, the others never do, and the hall has no mast."
         )
     if rivals:
         _score_rivals(chosen, seed, out)

@@ -1,7 +1,6 @@
 """The triangles of a simulated drive, stored beside it as ``world.npz``."""
 
 import io
-import zipfile
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -12,12 +11,15 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array, IntArray
 from intervis.errors import DriveError
-from intervis.lab.worlds.triangles import Triangles
+from intervis.lab.worlds.triangles import LABELS, Triangles
 from intervis.lab.worlds.world import Actor, Snapshot, World
 
 FILE_NAME = "world.npz"
 PERIOD_S = 0.1
 """Time between frames."""
+
+LARGEST = 1e9
+"""Numbers in a file are smaller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,15 +121,6 @@ def _columns(name: str, triangles: Triangles) -> dict[str, NDArray[Any]]:
     }
 
 
-def _triangles(arrays: dict[str, NDArray[Any]], name: str) -> Triangles:
-    return Triangles(
-        arrays[f"{name}_triangles"].astype(np.float64).reshape(-1, 3, 3),
-        arrays[f"{name}_labels"].astype(np.int8),
-        arrays[f"{name}_colours"].astype(np.float32).reshape(-1, 3),
-        arrays[f"{name}_reflectances"].astype(np.float32),
-    )
-
-
 def load_world(drive_folder: Path | str) -> RecordedWorld:
     """The world of a simulated drive.
 
@@ -147,16 +140,68 @@ def load_world(drive_folder: Path | str) -> RecordedWorld:
             f"{path} does not exist: only drives written by `intervis simulate` have a known world."
         )
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        static, moving = _triangles(arrays, "static"), _triangles(arrays, "moving")
-        bounds = np.concatenate([[0], np.cumsum(arrays["actor_sizes"])])
-        actors = tuple(
-            (str(name), moving.part(int(first), int(last)))
-            for name, first, last in zip(
-                arrays["actor_names"], bounds[:-1], bounds[1:], strict=True
-            )
-        )
-        return RecordedWorld(static, actors, arrays["actor_poses"], arrays["vehicle_poses"])
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        return _world_of(_arrays(path))
+    except _WorldError as error:
         raise DriveError(f"cannot read {path}: {error}; simulate the drive again.") from None
+
+
+class _WorldError(Exception):
+    """What is wrong with a file, as a part of a sentence."""
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except Exception as error:  # numpy and zipfile raise various types on damaged files
+        raise _WorldError(f"it is no archive of arrays ({type(error).__name__})") from None
+
+
+def _world_of(arrays: dict[str, NDArray[Any]]) -> RecordedWorld:
+    static, moving = _triangles(arrays, "static"), _triangles(arrays, "moving")
+    names = arrays.get("actor_names", np.empty(0))
+    sizes = _numbers(arrays, "actor_sizes", None)
+    if names.dtype.kind != "U" or names.shape != sizes.shape:
+        raise _WorldError("its actor_names are not one text for each of its actor_sizes")
+    if (sizes < 0).any() or (sizes != np.rint(sizes)).any() or sizes.sum() != len(moving):
+        raise _WorldError("its actor_sizes do not add up to the number of its moving triangles")
+    bounds = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    actors = tuple(
+        (str(name), moving.part(int(first), int(last)))
+        for name, first, last in zip(names, bounds[:-1], bounds[1:], strict=True)
+    )
+    vehicle_poses = _numbers(arrays, "vehicle_poses", None, 4, 4)
+    actor_poses = _numbers(arrays, "actor_poses", len(vehicle_poses), len(actors), 4, 4)
+    return RecordedWorld(static, actors, actor_poses, vehicle_poses)
+
+
+def _triangles(arrays: dict[str, NDArray[Any]], name: str) -> Triangles:
+    corners = _numbers(arrays, f"{name}_triangles", None, 3, 3)
+    labels = _numbers(arrays, f"{name}_labels", len(corners))
+    if not np.isin(labels, list(LABELS.values())).all():
+        raise _WorldError(f"its {name}_labels hold an unknown class")
+    return Triangles(
+        corners,
+        labels.astype(np.int8),
+        _numbers(arrays, f"{name}_colours", len(corners), 3).astype(np.float32),
+        _numbers(arrays, f"{name}_reflectances", len(corners)).astype(np.float32),
+    )
+
+
+def _numbers(arrays: dict[str, NDArray[Any]], name: str, *shape: int | None) -> Float64Array:
+    """An array of finite numbers of a shape; None: any length."""
+    if name not in arrays:
+        raise _WorldError(f"it has no array {name}")
+    array = arrays[name]
+    wanted = " x ".join("any" if size is None else str(size) for size in shape)
+    problem = _WorldError(f"its {name} is not an array of {wanted} finite numbers")
+    sizes = zip(shape, array.shape, strict=False)
+    if array.ndim != len(shape) or any(size not in (None, own) for size, own in sizes):
+        raise problem
+    if array.dtype.kind not in "fiu":
+        raise problem
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = array.astype(np.float64)
+    if not (np.abs(values) < LARGEST).all():
+        raise problem
+    return values
