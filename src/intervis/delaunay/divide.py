@@ -7,7 +7,7 @@ outwards. It takes O(n log n) time in the worst case, and the cells keep its wor
 
 Edges are directed and come in pairs: ``edge ^ 1`` is the same edge, reversed. Four integers
 describe each edge: the next and the previous edge around its origin, counter-clockwise; its
-origin; and one that the result uses. A triangulation is known by an edge of its hull that has the
+origin; and the half edge that it becomes in the result. A triangulation is known by an edge of its hull that has the
 outside on its left or, if it is a single vertex v, by ``~v``.
 """
 
@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from intervis.arrays import Float64Array, Int16Array, Int32Array
-from intervis.delaunay.order import BY_SQUARE, SQUARE
+from intervis.arrays import Float64Array, Int16Array, Int32Array, IntArray
+from intervis.delaunay.order import BY_SQUARE, DEEPEST, SQUARE
 from intervis.delaunay.predicates import incircle, turn
 from intervis.kernels import kernel
 
@@ -26,66 +26,181 @@ NEXT, PREVIOUS, ORIGIN, FACE = 0, 1, 2, 3
 LAST_CUT = 32767
 """A number above those of all cuts."""
 
-NONE = -1
-"""No edge; as origin: the edge is not in use."""
+UNUSED, USED, OUTSIDE = 0, -1, -2
+"""What the fourth integer of an edge says before the triangles are numbered. It is USED for an edge
+of the triangulation, OUTSIDE if the outside lies on its left. Edges that are not in use form a
+list: NEXT is the distance to the next one, less two. So zeros are a list of all edges in turn."""
+
+UNDONE = -(2**40)
+"""No triangulation."""
+
+
+@kernel
+def part_bounds(cut: Int16Array, most: int) -> IntArray:
+    """First vertices of parts that can be triangulated on their own, and the end of the last.
+
+    All cuts made before a certain one separate parts, so that their number is less than 2 `most`.
+    """
+    made = np.zeros(LAST_CUT + 1, np.int64)
+    for k in range(1, len(cut)):
+        made[cut[k]] += 1
+    first = LAST_CUT
+    parts: Any = 1
+    while first > 0 and parts < most:
+        first -= 1
+        parts += made[first]
+    bounds = np.empty(parts + 1, np.int64)
+    bounds[0], bounds[parts] = 0, len(cut)
+    part: Any = 1
+    for k in range(1, len(cut)):
+        if cut[k] >= first:
+            bounds[part] = k
+            part += 1
+    return bounds
 
 
 @kernel
 def divide(
-    links: Int32Array, xy: Float64Array, cut: Int16Array, start: int, stop: int
-) -> tuple[int, int, int]:
-    """Triangulate the vertices [start, stop).
+    links: Int32Array,
+    xy: Float64Array,
+    cut: Int16Array,
+    bounds: IntArray,
+    hulls: IntArray,
+    unused: IntArray,
+    start: int,
+    stop: int,
+) -> None:
+    """Triangulate the parts [start, stop), each on its own.
 
     Parameters
     ----------
-    links : (24 M,) int32 array
-        Four integers for each directed edge. Vertices have at most three edges each: those of
-        these vertices are written from edge 6 start on.
+    links : (24 M,) int32 array of zeros
+        Four integers for each directed edge. A part has at most three edges for each vertex; part
+        k uses the edges from 6 bounds[k] on.
     xy : (2 M,) float64 array
     cut : (M,) int16 array
         See `order.spatial_order`.
-
-    Returns
-    -------
-    The triangulation, the first unused edge, and the edge behind the last.
+    bounds : (P + 1,) int64 array
+    hulls, unused : (P,) int64 arrays
+        Receive the triangulation of each part, and the first of its edges that are not in use.
     """
-    waiting = np.empty(stop - start + 1, np.int64)
-    cuts = np.empty(stop - start + 1, np.int64)
-    depth: Any = 0
-    unused: Any = NONE
-    top: Any = 6 * start
-    for v in range(start, stop + 1):
-        number = np.int64(cut[v]) if v < stop else LAST_CUT
-        while depth > 1 and cuts[depth - 1] <= number:
-            depth -= 1
-            waiting[depth - 1], unused, top = merge(
-                links, xy, waiting[depth - 1], waiting[depth], cuts[depth], unused, top
-            )
-        if v < stop:
-            waiting[depth], cuts[depth] = ~v, number
-            depth += 1
-    return waiting[0], unused, top
+    for part in range(start, stop):
+        first, end = bounds[part], bounds[part + 1]
+        hulls[part], unused[part] = _merge_all(
+            links, xy, cut, bounds[:0], hulls, first, end, 6 * first
+        )
 
 
 @kernel
-def merge(
+def conquer(
+    links: Int32Array,
+    xy: Float64Array,
+    cut: Int16Array,
+    bounds: IntArray,
+    hulls: IntArray,
+    unused: IntArray,
+) -> int:
+    """Merge the triangulations of all parts; an edge of the hull with the outside on its left."""
+    free: Any = 0
+    for part in range(len(hulls)):
+        edge: Any = unused[part]
+        while edge < 6 * bounds[part + 1]:  # behind its last edge, a part has none left
+            following = edge + 2 + np.int64(links[4 * edge + NEXT])
+            links[4 * edge + NEXT] = free - edge - 2
+            edge, free = following, edge
+    hull, _ = _merge_all(links, xy, cut, bounds, hulls, 0, len(hulls), free)
+    return hull
+
+
+@kernel
+def _merge_all(
+    links: Int32Array,
+    xy: Float64Array,
+    cut: Int16Array,
+    bounds: IntArray,
+    hulls: IntArray,
+    start: int,
+    stop: int,
+    free: int,
+) -> tuple[int, int]:
+    """Merge vertices or, with bounds, parts; the triangulation and the first edge not in use.
+
+    A cut is undone when the next one was made before it: then both of its sides are complete.
+    """
+    waiting = np.empty(DEEPEST * SQUARE, np.int64)
+    cuts = np.empty(DEEPEST * SQUARE, np.int64)
+    depth: Any = 0
+    for k in range(start, stop + 1):
+        number = LAST_CUT
+        if k < stop:
+            number = np.int64(cut[bounds[k]] if len(bounds) > 0 else cut[k])
+        while depth > 1 and cuts[depth - 1] <= number:
+            depth -= 1
+            first, second = waiting[depth - 1], waiting[depth]
+            done, free = _merge_few(links, xy, first, second, free)
+            if done == UNDONE:
+                done, free = _merge(links, xy, first, second, cuts[depth], free)
+            waiting[depth - 1] = done
+        if k < stop:
+            waiting[depth] = hulls[k] if len(bounds) > 0 else ~k
+            cuts[depth] = number
+            depth += 1
+    return waiting[0], free
+
+
+@kernel
+def _merge_few(
+    links: Int32Array, xy: Float64Array, first: int, second: int, free: int
+) -> tuple[int, int]:
+    """`merge` for two vertices, or three that are not collinear; `UNDONE` for any other."""
+    if first >= 0 and second >= 0:
+        return UNDONE, free
+    if first < 0 and second < 0:
+        edge, free = _new_edge(links, free, ~first, ~second)
+        _close(links, edge, edge)
+        _close(links, edge ^ 1, edge ^ 1)
+        return edge, free
+    single, edge = (~first, second) if first < 0 else (~second, first)
+    if links[4 * edge + NEXT] != edge or links[4 * (edge ^ 1) + NEXT] != edge ^ 1:
+        return UNDONE, free
+    a, b = np.int64(links[4 * edge + ORIGIN]), np.int64(links[4 * (edge ^ 1) + ORIGIN])
+    side = turn(xy[2 * a], xy[2 * a + 1], xy[2 * b], xy[2 * b + 1], xy[2 * single], xy[2 * single + 1])
+    if side == 0.0:
+        return UNDONE, free
+    if side < 0.0:
+        edge, a, b = edge ^ 1, b, a
+    second_edge, free = _new_edge(links, free, b, single)
+    third_edge, free = _new_edge(links, free, single, a)
+    _close(links, edge, third_edge ^ 1)
+    _close(links, second_edge, edge ^ 1)
+    _close(links, third_edge, second_edge ^ 1)
+    return edge ^ 1, free
+
+
+@kernel
+def _close(links: Int32Array, one: int, other: int) -> None:
+    """Make two edges (or one) all that leave their origin."""
+    links[4 * one + NEXT] = links[4 * one + PREVIOUS] = other
+    links[4 * other + NEXT] = links[4 * other + PREVIOUS] = one
+
+
+@kernel
+def _merge(
     links: Int32Array,
     xy: Float64Array,
     first: int,
     second: int,
     number: int,
-    unused: int,
-    top: int,
-) -> tuple[int, int, int]:
+    free: int,
+) -> tuple[int, int]:
     """Merge the triangulations on the two sides of a cut.
 
     `first` lies left of a cut across x, or below a cut across y; the words left and right are
-    meant as for a cut across x. New edges come from the list of unused edges or, if it is empty,
-    from `top` on.
+    meant as for a cut across x.
 
     Returns
     -------
-    The triangulation, the first unused edge, and the edge behind the last.
+    The triangulation, and the first edge that is not in use.
     """
     across_y = (number & (SQUARE - 1)) >= BY_SQUARE and (number & 1) == 1
     left, right = _lower_tangent(links, xy, first, second, across_y)
@@ -94,7 +209,7 @@ def merge(
     lx, ly, rx, ry = xy[2 * l], xy[2 * l + 1], xy[2 * r], xy[2 * r + 1]
 
     # The base runs from the right vertex r to the left vertex l; what lies below it is done.
-    base, unused, top = _new_edge(links, unused, top, r, l)
+    base, free = _new_edge(links, free, r, l)
     if right < 0:
         links[4 * base + NEXT] = links[4 * base + PREVIOUS] = base
     else:
@@ -119,7 +234,7 @@ def merge(
                 cx, cy = xy[2 * c], xy[2 * c + 1]
                 if not incircle(lx, ly, rx, ry, ax, ay, cx, cy):
                     break
-                unused = _remove(links, a_edge, unused)
+                free = _remove(links, a_edge, free)
                 a_edge, a, ax, ay = edge, c, cx, cy
         b_edge = np.int64(links[4 * base + PREVIOUS])
         b = np.int64(links[4 * (b_edge ^ 1) + ORIGIN])
@@ -134,17 +249,17 @@ def merge(
                 cx, cy = xy[2 * c], xy[2 * c + 1]
                 if not incircle(lx, ly, rx, ry, bx, by, cx, cy):
                     break
-                unused = _remove(links, b_edge, unused)
+                free = _remove(links, b_edge, free)
                 b_edge, b, bx, by = edge, c, cx, cy
         if not a_above and not b_above:
-            return base ^ 1, unused, top
+            return base ^ 1, free
         if not a_above or (b_above and incircle(ax, ay, lx, ly, rx, ry, bx, by)):
-            edge, unused, top = _new_edge(links, unused, top, b, l)
+            edge, free = _new_edge(links, free, b, l)
             _insert(links, edge, b_edge ^ 1)
             _insert(links, edge ^ 1, np.int64(links[4 * (base ^ 1) + NEXT]))
             r, rx, ry = b, bx, by
         else:
-            edge, unused, top = _new_edge(links, unused, top, r, a)
+            edge, free = _new_edge(links, free, r, a)
             _insert(links, edge, base)
             _insert(links, edge ^ 1, np.int64(links[4 * (a_edge ^ 1) + NEXT]))
             l, lx, ly = a, ax, ay
@@ -218,19 +333,14 @@ def _extreme(
 
 
 @kernel
-def _new_edge(
-    links: Int32Array, unused: int, top: int, origin: int, target: int
-) -> tuple[int, int, int]:
-    """An edge that is in use but not yet around its ends, the first unused edge, and the top."""
-    if unused == NONE:
-        edge = top
-        top += 2
-    else:
-        edge = unused
-        unused = np.int64(links[4 * edge + NEXT])
-    links[4 * edge + ORIGIN] = origin
-    links[4 * (edge ^ 1) + ORIGIN] = target
-    return edge, unused, top
+def _new_edge(links: Int32Array, free: int, origin: int, target: int) -> tuple[int, int]:
+    """An edge that is not yet around its ends, and the next edge that is not in use."""
+    following = free + 2 + np.int64(links[4 * free + NEXT])
+    links[4 * free + ORIGIN] = origin
+    links[4 * free + FACE] = USED
+    links[4 * (free ^ 1) + ORIGIN] = target
+    links[4 * (free ^ 1) + FACE] = USED
+    return free, following
 
 
 @kernel
@@ -244,14 +354,14 @@ def _insert(links: Int32Array, edge: int, following: int) -> None:
 
 
 @kernel
-def _remove(links: Int32Array, edge: int, unused: int) -> int:
-    """Take an edge away from both ends; the first unused edge."""
+def _remove(links: Int32Array, edge: int, free: int) -> int:
+    """Take an edge away from both of its ends; the first edge not in use."""
     for side in range(2):
         following = np.int64(links[4 * (edge ^ side) + NEXT])
         before = np.int64(links[4 * (edge ^ side) + PREVIOUS])
         links[4 * before + NEXT] = following
         links[4 * following + PREVIOUS] = before
-        links[4 * (edge ^ side) + ORIGIN] = NONE
-    edge &= ~1
-    links[4 * edge + NEXT] = unused
+        links[4 * (edge ^ side) + FACE] = UNUSED
+    edge = edge & ~1
+    links[4 * edge + NEXT] = free - edge - 2
     return edge

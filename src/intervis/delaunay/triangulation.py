@@ -1,20 +1,89 @@
+"""Delaunay triangulation: from positions to half edges."""
+
+from dataclasses import dataclass
+
 import numpy as np
-from intervis.delaunay.order import spatial_order
-from intervis.delaunay.divide import divide
+
+from intervis.arrays import Float64Array, Int32Array
+from intervis.delaunay.divide import conquer, divide, part_bounds
 from intervis.delaunay.half_edges import mark_outside, write_half_edges
-def triangulate(positions):
-    n=len(positions)
-    xy=np.empty(2*n); row=np.empty(n,np.int32); cut=np.empty(n,np.int16); vertex=np.empty(n,np.int32)
-    m=spatial_order(positions,xy,row,cut,vertex)
-    links=np.empty(24*m,np.int32)
-    hull,unused,top=divide(links,xy,cut,0,m)
-    links=links[:4*top]
-    out=mark_outside(links,hull)
-    e=(top - 2*count_free(links,unused))//2
-    f=e-m+1
-    start=np.empty(3*f,np.int32); opp=np.empty(3*f,np.int32)
-    k=write_half_edges(links,row,start,opp)
-    assert k==3*f,(k,f,out)
-    return start,opp,out
-def count_free(links,unused):
-    return int((links[2::4].reshape(-1,2)[:,0]==-1).sum())
+from intervis.delaunay.order import spatial_order
+from intervis.errors import PointsError
+from intervis.kernels import in_parts
+
+PARTS = 16
+"""Parts that are triangulated on their own, at least. The result does not depend on threads."""
+
+WORTH_PARTS = 8192
+"""Fewer vertices are one part."""
+
+
+@dataclass(frozen=True, eq=False)
+class Triangulation:
+    """Triangles as half edges: half edge 3 k + i runs from corner i of triangle k to the next one.
+
+    V positions, M of them distinct, h of those on the convex hull, also between its corners. There
+    are F = 2 M - 2 - h triangles and F + M - 1 edges; none of the triangles is without area. If all
+    positions are collinear, F is 0.
+
+    Attributes
+    ----------
+    triangles : (F, 3) int32 array
+        Rows of the positions, counter-clockwise.
+    opposite : (3 F,) int32 array
+        The half edge that runs the other way between the same positions; -1 on the hull.
+    vertex : (V,) int32 array
+        The lowest row with the same position, which stands for it in `triangles`.
+    """
+
+    triangles: Int32Array
+    opposite: Int32Array
+    vertex: Int32Array
+
+
+def triangulate(positions: Float64Array) -> Triangulation:
+    """The Delaunay triangulation of positions in the plane, without rounding errors.
+
+    No position lies inside the circle around a triangle: exactly, for any positions whose
+    coordinates differ by less than 108 orders of magnitude (smaller ones count as 0). Of four
+    positions on one circle, the last in the order of x, then y, lies outside, so the triangles
+    depend neither on the order of the rows nor on the number of threads.
+
+    Parameters
+    ----------
+    positions : (V, 2) float64 array
+
+    Raises
+    ------
+    PointsError
+        A coordinate is not finite.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
+    >>> found = triangulate(square)
+    >>> found.triangles.tolist(), found.opposite.tolist()
+    ([[0, 1, 2], [3, 2, 1]], [-1, 4, -1, -1, 1, -1])
+    """
+    count = len(positions)
+    xy, cut = np.empty(2 * count), np.empty(count, np.int16)
+    row, vertex = np.empty(count, np.int32), np.empty(count, np.int32)
+    distinct = spatial_order(np.ascontiguousarray(positions, np.float64), xy, row, cut, vertex)
+    if distinct < 0:
+        raise PointsError("positions to triangulate must be finite; leave other rows out.")
+    if distinct < 3:
+        return Triangulation(np.empty((0, 3), np.int32), np.empty(0, np.int32), vertex)
+
+    links = np.zeros(24 * distinct, np.int32)
+    bounds = part_bounds(cut[:distinct], PARTS if distinct >= WORTH_PARTS else 1)
+    hulls, unused = np.empty((2, len(bounds) - 1), np.int64)
+
+    def work(start: int, stop: int) -> None:
+        divide(links, xy, cut, bounds, hulls, unused, start, stop)
+
+    in_parts(work, len(hulls), least=1)
+    hull = conquer(links, xy, cut, bounds, hulls, unused)
+    faces = 2 * distinct - 2 - mark_outside(links, hull)
+    start, opposite = np.empty(3 * faces, np.int32), np.empty(3 * faces, np.int32)
+    write_half_edges(links, row, start, opposite)
+    return Triangulation(start.reshape(-1, 3), opposite, vertex)
