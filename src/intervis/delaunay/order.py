@@ -116,7 +116,7 @@ def _divide(scaled: Float64Array, row: Int32Array, cut: Int16Array) -> None:
     count = len(row)
     key, other = np.empty(count, np.int64), np.empty(count, np.int64)
     histogram = np.empty((3, DIGITS), np.int64)
-    waiting = np.empty((count // FEW + 2, 3), np.int64)  # start, stop and depth of a cell
+    waiting = np.empty((count // 2 + 1, 3), np.int64)  # start, stop, depth of cells of two or more
     waiting[0] = 0, count, 0
     left: Any = 1
     while left > 0:
