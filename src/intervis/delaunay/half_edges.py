@@ -103,8 +103,8 @@ def write_edges(start: Int32Array, opposite: Int32Array, nodes: int, edges: IntA
 
 
 @kernel
-def write_areas(positions: Float64Array, triangles: Int32Array, area: Float64Array) -> Any:
-    """Write the areas of triangles that turn left; the largest.
+def write_areas(positions: Float64Array, triangles: Int32Array, area: Float64Array) -> None:
+    """Write the areas of triangles that turn left.
 
     Parameters
     ----------
@@ -112,7 +112,6 @@ def write_areas(positions: Float64Array, triangles: Int32Array, area: Float64Arr
     triangles : (F, 3) int32 array
     area : (F,) float64 array
     """
-    largest = 0.0
     for k in range(len(triangles)):
         a, b, c = triangles[k, 0], triangles[k, 1], triangles[k, 2]
         double = turn(
@@ -123,6 +122,4 @@ def write_areas(positions: Float64Array, triangles: Int32Array, area: Float64Arr
             positions[c, 0],
             positions[c, 1],
         )
-        area[k] = 0.5 * abs(double)
-        largest = max(largest, area[k])
-    return largest
+        area[k] = 0.5 * double

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intervis.arrays import Float64Array, Int32Array
+from intervis.arrays import Float64Array, Int32Array, IntArray
 from intervis.delaunay.divide import conquer, divide, part_bounds
-from intervis.delaunay.half_edges import mark_outside, write_half_edges
+from intervis.delaunay.half_edges import mark_outside, write_areas, write_edges, write_half_edges
 from intervis.delaunay.order import spatial_order
 from intervis.errors import PointsError
 from intervis.kernels import in_parts
@@ -40,6 +40,31 @@ class Triangulation:
     opposite: Int32Array
     vertex: Int32Array
 
+    def edges(self) -> IntArray:
+        """(E, 2) the sides of the triangles, each once, smaller row first, sorted.
+
+        Examples
+        --------
+        >>> triangulate(np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])).edges().tolist()
+        [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
+        """
+        outside = int(np.count_nonzero(self.opposite < 0))
+        edges = np.empty(((len(self.opposite) + outside) // 2, 2), np.int64)
+        write_edges(self.triangles.ravel(), self.opposite, len(self.vertex), edges)
+        return edges
+
+    def areas(self, positions: Float64Array) -> Float64Array:
+        """(F,) area of each triangle, positive also where rounding would make it 0 or less.
+
+        Parameters
+        ----------
+        positions : (V, 2) float64 array
+            The positions that were triangulated.
+        """
+        area = np.empty(len(self.triangles))
+        write_areas(np.ascontiguousarray(positions, np.float64), self.triangles, area)
+        return area
+
 
 def triangulate(positions: Float64Array) -> Triangulation:
     """The Delaunay triangulation of positions in the plane, without rounding errors.
@@ -63,7 +88,7 @@ def triangulate(positions: Float64Array) -> Triangulation:
     >>> square = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
     >>> found = triangulate(square)
     >>> found.triangles.tolist(), found.opposite.tolist()
-    ([[0, 1, 2], [3, 2, 1]], [-1, 4, -1, -1, 1, -1])
+    ([[2, 0, 1], [1, 3, 2]], [-1, -1, 5, -1, -1, 2])
     """
     count = len(positions)
     xy, cut = np.empty(2 * count), np.empty(count, np.int16)
