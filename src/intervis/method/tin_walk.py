@@ -45,17 +45,19 @@ def build_tin(ground: Float64Array) -> Tin:
     """
     found = triangulate(ground)
     triangles = found.triangles.astype(np.int64)
-    corner = triangles.ravel()
-    star_corners = np.argsort(corner, kind="stable")
+    mesh = chain_mesh(ground)
+    if len(triangles):
+        mesh = Mesh(triangles, found.areas(ground), found.edges())
+    node = triangles.ravel()
+    corners = np.argsort(node, kind="stable")
+    offsets = np.searchsorted(node[corners], np.arange(len(ground) + 1))
     # Half edge 3 f + k starts at corner k: the edge opposite to corner k starts at corner k + 1.
-    across = np.roll(found.opposite.reshape(-1, 3), -1, axis=1).astype(np.int64) // 3
+    opposite = np.roll(found.opposite.reshape(-1, 3), -1, axis=1)
     return Tin(
-        mesh=Mesh(triangles, found.areas(ground), found.edges())
-        if len(triangles)
-        else chain_mesh(ground),
-        neighbours=across,
-        star_corners=star_corners,
-        star_offsets=np.searchsorted(corner[star_corners], np.arange(len(ground) + 1)),
+        mesh=mesh,
+        neighbours=opposite.astype(np.int64) // 3,
+        star_corners=corners,
+        star_offsets=offsets,
         vertex=found.vertex.astype(np.int64),
     )
 
