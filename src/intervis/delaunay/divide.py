@@ -31,9 +31,6 @@ UNUSED, USED, OUTSIDE = 0, -1, -2
 of the triangulation, OUTSIDE if the outside lies on its left. Edges that are not in use form a
 list: NEXT is the distance to the next one, less two. So zeros are a list of all edges in turn."""
 
-UNDONE = -(2**40)
-"""No triangulation."""
-
 
 @kernel
 def part_bounds(cut: Int16Array, most: int) -> IntArray:
@@ -63,117 +60,83 @@ def part_bounds(cut: Int16Array, most: int) -> IntArray:
 def divide(
     links: Int32Array,
     xy: Float64Array,
+    leaf: IntArray,
     cut: Int16Array,
     bounds: IntArray,
-    hulls: IntArray,
-    unused: IntArray,
+    hull: IntArray,
+    free: IntArray,
     start: int,
     stop: int,
 ) -> None:
-    """Triangulate the parts [start, stop), each on its own.
+    """Merge the leaves of each of the parts [start, stop).
+
+    A cut is undone when the next one was made before it: then both of its sides are complete.
 
     Parameters
     ----------
-    links : (24 M,) int32 array of zeros
-        Four integers for each directed edge. A part has at most three edges for each vertex; part
-        k uses the edges from 6 bounds[k] on.
+    links : (24 M,) int32 array
+        Four integers for each directed edge; see `UNUSED`. M vertices have at most 3 M edges.
     xy : (2 M,) float64 array
-    cut : (M,) int16 array
-        See `order.spatial_order`.
+        Coordinates of the vertices.
+    leaf : (K,) int64 array
+        Triangulations in spatial order.
+    cut : (K,) int16 array
+        The cut between each of them and the one before; see `order.spatial_order`.
     bounds : (P + 1,) int64 array
-    hulls, unused : (P,) int64 arrays
-        Receive the triangulation of each part, and the first of its edges that are not in use.
-    """
-    for part in range(start, stop):
-        first, end = bounds[part], bounds[part + 1]
-        hulls[part], unused[part] = _merge_all(
-            links, xy, cut, bounds[:0], hulls, first, end, 6 * first
-        )
-
-
-@kernel
-def conquer(
-    links: Int32Array,
-    xy: Float64Array,
-    cut: Int16Array,
-    bounds: IntArray,
-    hulls: IntArray,
-    unused: IntArray,
-) -> int:
-    """Merge the triangulations of all parts; an edge of the hull with the outside on its left."""
-    free: Any = 0
-    for part in range(len(hulls)):
-        edge: Any = unused[part]
-        while edge < 6 * bounds[part + 1]:  # behind its last edge, a part has none left
-            following = edge + 2 + np.int64(links[4 * edge + NEXT])
-            links[4 * edge + NEXT] = free - edge - 2
-            edge, free = following, edge
-    hull, _ = _merge_all(links, xy, cut, bounds, hulls, 0, len(hulls), free)
-    return hull
-
-
-@kernel
-def _merge_all(
-    links: Int32Array,
-    xy: Float64Array,
-    cut: Int16Array,
-    bounds: IntArray,
-    hulls: IntArray,
-    start: int,
-    stop: int,
-    free: int,
-) -> tuple[int, int]:
-    """Merge vertices or, with bounds, parts; the triangulation and the first edge not in use.
-
-    A cut is undone when the next one was made before it: then both of its sides are complete.
+        Part p holds the leaves from bounds[p] to bounds[p + 1].
+    hull : (P,) int64 array
+        Receives the triangulation of each part.
+    free : (P,) int64 array
+        The first edge that each part may use, in a list of its own; receives what is left of it.
     """
     waiting = np.empty(DEEPEST * SQUARE, np.int64)
     cuts = np.empty(DEEPEST * SQUARE, np.int64)
-    depth: Any = 0
-    for k in range(start, stop + 1):
-        number = LAST_CUT
-        if k < stop:
-            number = np.int64(cut[bounds[k]] if len(bounds) > 0 else cut[k])
-        while depth > 1 and cuts[depth - 1] <= number:
-            depth -= 1
-            first, second = waiting[depth - 1], waiting[depth]
-            done, free = _merge_few(links, xy, first, second, free)
-            if done == UNDONE:
-                done, free = _merge(links, xy, first, second, cuts[depth], free)
-            waiting[depth - 1] = done
-        if k < stop:
-            waiting[depth] = hulls[k] if len(bounds) > 0 else ~k
-            cuts[depth] = number
-            depth += 1
-    return waiting[0], free
+    for part in range(start, stop):
+        depth: Any = 0
+        unused = free[part]
+        for k in range(bounds[part], bounds[part + 1] + 1):
+            number = np.int64(cut[k]) if k < bounds[part + 1] else LAST_CUT
+            while depth > 1 and cuts[depth - 1] <= number:
+                depth -= 1
+                waiting[depth - 1], unused = _merge(
+                    links, xy, waiting[depth - 1], waiting[depth], cuts[depth], unused
+                )
+            if k < bounds[part + 1]:
+                waiting[depth], cuts[depth] = leaf[k], number
+                depth += 1
+        hull[part], free[part] = waiting[0], unused
 
 
 @kernel
-def _merge_few(
-    links: Int32Array, xy: Float64Array, first: int, second: int, free: int
-) -> tuple[int, int]:
-    """`merge` for two vertices, or three that are not collinear; `UNDONE` for any other."""
-    if first >= 0 and second >= 0:
-        return UNDONE, free
-    if first < 0 and second < 0:
-        edge, free = _new_edge(links, free, ~first, ~second)
-        _close(links, edge, edge)
-        _close(links, edge ^ 1, edge ^ 1)
-        return edge, free
-    single, edge = (~first, second) if first < 0 else (~second, first)
-    if links[4 * edge + NEXT] != edge or links[4 * (edge ^ 1) + NEXT] != edge ^ 1:
-        return UNDONE, free
+def join_unused(links: Int32Array, bounds: IntArray, free: IntArray) -> int:
+    """Join the lists of unused edges of parts that had six edges for each vertex; the first."""
+    first: Any = 0
+    for part in range(len(free)):
+        edge = free[part]
+        while edge < 6 * bounds[part + 1]:  # behind its last edge, a part has none left
+            following = edge + 2 + links[4 * edge + NEXT]
+            links[4 * edge + NEXT] = first - edge - 2
+            edge, first = following, edge
+    return first
+
+
+@kernel
+def _side(links: Int32Array, xy: Float64Array, edge: int, vertex: int) -> float:
+    """Positive if a vertex lies left of an edge, 0 if on its line."""
     a, b = np.int64(links[4 * edge + ORIGIN]), np.int64(links[4 * (edge ^ 1) + ORIGIN])
-    side = turn(xy[2 * a], xy[2 * a + 1], xy[2 * b], xy[2 * b + 1], xy[2 * single], xy[2 * single + 1])
-    if side == 0.0:
-        return UNDONE, free
-    if side < 0.0:
-        edge, a, b = edge ^ 1, b, a
-    second_edge, free = _new_edge(links, free, b, single)
-    third_edge, free = _new_edge(links, free, single, a)
-    _close(links, edge, third_edge ^ 1)
-    _close(links, second_edge, edge ^ 1)
-    _close(links, third_edge, second_edge ^ 1)
+    return turn(
+        xy[2 * a], xy[2 * a + 1], xy[2 * b], xy[2 * b + 1], xy[2 * vertex], xy[2 * vertex + 1]
+    )
+
+
+@kernel
+def _triangle(links: Int32Array, edge: int, vertex: int, free: int) -> tuple[int, int]:
+    """Join a single edge and a vertex on its left; an edge of the hull, and the unused edge."""
+    second, free = _new_edge(links, free, np.int64(links[4 * (edge ^ 1) + ORIGIN]), vertex)
+    third, free = _new_edge(links, free, vertex, np.int64(links[4 * edge + ORIGIN]))
+    _close(links, edge, third ^ 1)
+    _close(links, second, edge ^ 1)
+    _close(links, third, second ^ 1)
     return edge ^ 1, free
 
 
@@ -202,6 +165,18 @@ def _merge(
     -------
     The triangulation, and the first edge that is not in use.
     """
+    if first < 0 and second < 0:
+        edge, free = _new_edge(links, free, ~first, ~second)
+        _close(links, edge, edge)
+        _close(links, edge ^ 1, edge ^ 1)
+        return edge, free
+    if first < 0 or second < 0:
+        single, edge = (~first, second) if first < 0 else (~second, first)
+        if links[4 * edge + NEXT] == edge and links[4 * (edge ^ 1) + NEXT] == edge ^ 1:
+            side = _side(links, xy, edge, single)
+            if side != 0.0:
+                return _triangle(links, edge if side > 0.0 else edge ^ 1, single, free)
+
     across_y = (number & (SQUARE - 1)) >= BY_SQUARE and (number & 1) == 1
     left, right = _lower_tangent(links, xy, first, second, across_y)
     l: Any = ~left if left < 0 else np.int64(links[4 * left + ORIGIN])

@@ -117,7 +117,7 @@ def exact_incircle(
         return det
 
     sums, lift, minor = np.empty(6 * MINOR * MINOR), np.empty(MINOR), np.empty(MINOR)
-    end = 0
+    end: Any = np.int64(0)
     for _ in range(3):
         lifts = _square_expansion(lift, adx, adx_low, ady, ady_low)
         minors = _minor_expansion(minor, bdx, bdx_low, bdy, bdy_low, cdx, cdx_low, cdy, cdy_low)
@@ -186,7 +186,7 @@ def _minor_expansion(
     by_low: float,
 ) -> int:
     """Write the expansion of a x b; its length."""
-    end = _add_product(sums, 0, ax_low, by_low)
+    end = _add_product(sums, np.int64(0), ax_low, by_low)
     end = _add_product(sums, end, -ay_low, bx_low)
     end = _add_product(sums, end, ax, by_low)
     end = _add_product(sums, end, ax_low, by)
@@ -199,7 +199,7 @@ def _minor_expansion(
 @kernel
 def _square_expansion(sums: Float64Array, x: float, x_low: float, y: float, y_low: float) -> int:
     """Write the expansion of x^2 + y^2; its length."""
-    end = _add_product(sums, 0, x_low, x_low)
+    end = _add_product(sums, np.int64(0), x_low, x_low)
     end = _add_product(sums, end, y_low, y_low)
     end = _add_product(sums, end, 2.0 * x, x_low)
     end = _add_product(sums, end, 2.0 * y, y_low)

@@ -73,8 +73,7 @@ def spatial_order(
     if not _scale(positions, scaled):
         return -1
     for k in range(count):
-        row[k] = k
-    cut[:1] = 0
+        row[k], cut[k] = k, 0
     _divide(scaled, row, cut)
 
     distinct: Any = 0
@@ -116,12 +115,14 @@ def _divide(scaled: Float64Array, row: Int32Array, cut: Int16Array) -> None:
     count = len(row)
     key, other = np.empty(count, np.int64), np.empty(count, np.int64)
     histogram = np.empty((3, DIGITS), np.int64)
-    waiting = np.empty((count // 2 + 1, 3), np.int64)  # start, stop, depth of cells of two or more
-    waiting[0] = 0, count, 0
+    # Cells of two positions or more that are not yet divided
+    starts, stops = np.empty(count // 2 + 1, np.int64), np.empty(count // 2 + 1, np.int64)
+    depths = np.empty(count // 2 + 1, np.int64)
+    starts[0], stops[0], depths[0] = 0, count, 0
     left: Any = 1
     while left > 0:
         left -= 1
-        start, stop, depth = waiting[left]
+        start, stop, depth = starts[left], stops[left], depths[left]
         if stop - start <= FEW:
             _sort_few(scaled, row, cut, start, stop, (DEEPEST - depth) * SQUARE)
             continue
@@ -137,11 +138,11 @@ def _divide(scaled: Float64Array, row: Int32Array, cut: Int16Array) -> None:
             if apart > 0:
                 cut[k] = (DEEPEST - depth) * SQUARE + BY_SQUARE + frexp(float(apart))[1] - 1
                 if k - cell > 1:
-                    waiting[left] = cell, k, depth + 1
+                    starts[left], stops[left], depths[left] = cell, k, depth + 1
                     left += 1
                 cell = k
         if stop - cell > 1:
-            waiting[left] = cell, stop, depth + 1
+            starts[left], stops[left], depths[left] = cell, stop, depth + 1
             left += 1
 
 
@@ -164,7 +165,7 @@ def _number(
     side = max(x_high - x_low, y_high - y_low)
     if side == 0.0:
         return False
-    histogram[:] = 0
+    histogram.fill(0)
     per_unit = CELLS / side
     for k in range(start, stop):
         # Rounding is monotonic: positions in different columns or rows of cells are in this order.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from intervis.arrays import Float64Array, Int32Array, IntArray
-from intervis.delaunay.divide import conquer, divide, part_bounds
+from intervis.delaunay.divide import divide, join_unused, part_bounds
 from intervis.delaunay.half_edges import mark_outside, write_areas, write_edges, write_half_edges
 from intervis.delaunay.order import spatial_order
 from intervis.errors import PointsError
@@ -100,15 +100,18 @@ def triangulate(positions: Float64Array) -> Triangulation:
         return Triangulation(np.empty((0, 3), np.int32), np.empty(0, np.int32), vertex)
 
     links = np.zeros(24 * distinct, np.int32)
-    bounds = part_bounds(cut[:distinct], PARTS if distinct >= WORTH_PARTS else 1)
-    hulls, unused = np.empty((2, len(bounds) - 1), np.int64)
+    cut = cut[:distinct]
+    bounds = part_bounds(cut, PARTS if distinct >= WORTH_PARTS else 1)
+    hulls, free = np.empty(len(bounds) - 1, np.int64), 6 * bounds[:-1]
+    leaves = ~np.arange(distinct)
 
     def work(start: int, stop: int) -> None:
-        divide(links, xy, cut, bounds, hulls, unused, start, stop)
+        divide(links, xy, leaves, cut, bounds, hulls, free, start, stop)
 
     in_parts(work, len(hulls), least=1)
-    hull = conquer(links, xy, cut, bounds, hulls, unused)
-    faces = 2 * distinct - 2 - mark_outside(links, hull)
+    hull, rest = np.empty(1, np.int64), np.array([join_unused(links, bounds, free)])
+    divide(links, xy, hulls, cut[bounds[:-1]], np.array([0, len(hulls)]), hull, rest, 0, 1)
+    faces = 2 * distinct - 2 - mark_outside(links, hull[0])
     start, opposite = np.empty(3 * faces, np.int32), np.empty(3 * faces, np.int32)
     write_half_edges(links, row, start, opposite)
     return Triangulation(start.reshape(-1, 3), opposite, vertex)
