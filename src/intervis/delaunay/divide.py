@@ -123,17 +123,17 @@ def join_unused(links: Int32Array, bounds: IntArray, free: IntArray) -> int:
 @kernel
 def _side(links: Int32Array, xy: Float64Array, edge: int, vertex: int) -> float:
     """Positive if a vertex lies left of an edge, 0 if on its line."""
-    a, b = np.int64(links[4 * edge + ORIGIN]), np.int64(links[4 * (edge ^ 1) + ORIGIN])
-    return turn(
-        xy[2 * a], xy[2 * a + 1], xy[2 * b], xy[2 * b + 1], xy[2 * vertex], xy[2 * vertex + 1]
-    )
+    ax, ay = _place(xy, _get(links, edge, ORIGIN))
+    bx, by = _place(xy, _get(links, edge ^ 1, ORIGIN))
+    x, y = _place(xy, vertex)
+    return turn(ax, ay, bx, by, x, y)
 
 
 @kernel
 def _triangle(links: Int32Array, edge: int, vertex: int, free: int) -> tuple[int, int]:
     """Join a single edge and a vertex on its left; an edge of the hull, and the unused edge."""
-    second, free = _new_edge(links, free, np.int64(links[4 * (edge ^ 1) + ORIGIN]), vertex)
-    third, free = _new_edge(links, free, vertex, np.int64(links[4 * edge + ORIGIN]))
+    second, free = _new_edge(links, free, _get(links, edge ^ 1, ORIGIN), vertex)
+    third, free = _new_edge(links, free, vertex, _get(links, edge, ORIGIN))
     _close(links, edge, third ^ 1)
     _close(links, second, edge ^ 1)
     _close(links, third, second ^ 1)
@@ -143,8 +143,10 @@ def _triangle(links: Int32Array, edge: int, vertex: int, free: int) -> tuple[int
 @kernel
 def _close(links: Int32Array, one: int, other: int) -> None:
     """Make two edges (or one) all that leave their origin."""
-    links[4 * one + NEXT] = links[4 * one + PREVIOUS] = other
-    links[4 * other + NEXT] = links[4 * other + PREVIOUS] = one
+    _set(links, one, NEXT, other)
+    _set(links, one, PREVIOUS, other)
+    _set(links, other, NEXT, one)
+    _set(links, other, PREVIOUS, one)
 
 
 @kernel
@@ -172,56 +174,57 @@ def _merge(
         return edge, free
     if first < 0 or second < 0:
         single, edge = (~first, second) if first < 0 else (~second, first)
-        if links[4 * edge + NEXT] == edge and links[4 * (edge ^ 1) + NEXT] == edge ^ 1:
+        if _get(links, edge, NEXT) == edge and _get(links, edge ^ 1, NEXT) == edge ^ 1:
             side = _side(links, xy, edge, single)
             if side != 0.0:
                 return _triangle(links, edge if side > 0.0 else edge ^ 1, single, free)
 
     across_y = (number & (SQUARE - 1)) >= BY_SQUARE and (number & 1) == 1
     left, right = _lower_tangent(links, xy, first, second, across_y)
-    l: Any = ~left if left < 0 else np.int64(links[4 * left + ORIGIN])
-    r: Any = ~right if right < 0 else np.int64(links[4 * right + ORIGIN])
-    lx, ly, rx, ry = xy[2 * l], xy[2 * l + 1], xy[2 * r], xy[2 * r + 1]
+    l: Any = _vertex(links, left)
+    r: Any = _vertex(links, right)
+    lx, ly = _place(xy, l)
+    rx, ry = _place(xy, r)
 
     # The base runs from the right vertex r to the left vertex l; what lies below it is done.
     base, free = _new_edge(links, free, r, l)
     if right < 0:
-        links[4 * base + NEXT] = links[4 * base + PREVIOUS] = base
+        _close(links, base, base)
     else:
         _insert(links, base, right)
     if left < 0:
-        links[4 * (base ^ 1) + NEXT] = links[4 * (base ^ 1) + PREVIOUS] = base ^ 1
+        _close(links, base ^ 1, base ^ 1)
     else:
-        _insert(links, base ^ 1, np.int64(links[4 * left + NEXT]))
+        _insert(links, base ^ 1, _get(links, left, NEXT))
 
     while True:
         # The neighbour of l that forms the next triangle, if the other side has no better one.
-        a_edge = np.int64(links[4 * (base ^ 1) + NEXT])
-        a = np.int64(links[4 * (a_edge ^ 1) + ORIGIN])
-        ax, ay = xy[2 * a], xy[2 * a + 1]
+        a_edge = _get(links, base ^ 1, NEXT)
+        a = _get(links, a_edge ^ 1, ORIGIN)
+        ax, ay = _place(xy, a)
         a_above = turn(lx, ly, rx, ry, ax, ay) > 0.0
         if a_above:
             while True:
-                edge = np.int64(links[4 * a_edge + NEXT])
+                edge = _get(links, a_edge, NEXT)
                 if edge == base ^ 1:
                     break
-                c = np.int64(links[4 * (edge ^ 1) + ORIGIN])
-                cx, cy = xy[2 * c], xy[2 * c + 1]
+                c = _get(links, edge ^ 1, ORIGIN)
+                cx, cy = _place(xy, c)
                 if not incircle(lx, ly, rx, ry, ax, ay, cx, cy):
                     break
                 free = _remove(links, a_edge, free)
                 a_edge, a, ax, ay = edge, c, cx, cy
-        b_edge = np.int64(links[4 * base + PREVIOUS])
-        b = np.int64(links[4 * (b_edge ^ 1) + ORIGIN])
-        bx, by = xy[2 * b], xy[2 * b + 1]
+        b_edge = _get(links, base, PREVIOUS)
+        b = _get(links, b_edge ^ 1, ORIGIN)
+        bx, by = _place(xy, b)
         b_above = turn(lx, ly, rx, ry, bx, by) > 0.0
         if b_above:
             while True:
-                edge = np.int64(links[4 * b_edge + PREVIOUS])
+                edge = _get(links, b_edge, PREVIOUS)
                 if edge == base:
                     break
-                c = np.int64(links[4 * (edge ^ 1) + ORIGIN])
-                cx, cy = xy[2 * c], xy[2 * c + 1]
+                c = _get(links, edge ^ 1, ORIGIN)
+                cx, cy = _place(xy, c)
                 if not incircle(lx, ly, rx, ry, bx, by, cx, cy):
                     break
                 free = _remove(links, b_edge, free)
@@ -231,12 +234,12 @@ def _merge(
         if not a_above or (b_above and incircle(ax, ay, lx, ly, rx, ry, bx, by)):
             edge, free = _new_edge(links, free, b, l)
             _insert(links, edge, b_edge ^ 1)
-            _insert(links, edge ^ 1, np.int64(links[4 * (base ^ 1) + NEXT]))
+            _insert(links, edge ^ 1, _get(links, base ^ 1, NEXT))
             r, rx, ry = b, bx, by
         else:
             edge, free = _new_edge(links, free, r, a)
             _insert(links, edge, base)
-            _insert(links, edge ^ 1, np.int64(links[4 * (a_edge ^ 1) + NEXT]))
+            _insert(links, edge ^ 1, _get(links, a_edge ^ 1, NEXT))
             l, lx, ly = a, ax, ay
         base = edge
 
@@ -250,57 +253,40 @@ def _lower_tangent(
     The left one has the outside on its left, the right one on its right. A single vertex stands
     for itself.
     """
-    left: Any = _extreme(links, xy, first, across_y, 1.0)
-    right: Any = _extreme(links, xy, second, across_y, -1.0)
-    if left < 0:
-        l: Any = ~left
-        l_next: Any = l
-    else:
-        l, l_next = np.int64(links[4 * left + ORIGIN]), np.int64(links[4 * (left ^ 1) + ORIGIN])
-    if right < 0:
-        r: Any = ~right
-        r_next: Any = r
-    else:
-        right = np.int64(links[4 * right + NEXT])
-        r, r_next = np.int64(links[4 * right + ORIGIN]), np.int64(links[4 * (right ^ 1) + ORIGIN])
-    lx, ly, rx, ry = xy[2 * l], xy[2 * l + 1], xy[2 * r], xy[2 * r + 1]
+    left: Any = _last(links, xy, first, across_y, 1.0)
+    right: Any = _last(links, xy, second, across_y, -1.0)
+    if right >= 0:
+        right = _get(links, right, NEXT)
     while True:
-        if left >= 0 and turn(lx, ly, xy[2 * l_next], xy[2 * l_next + 1], rx, ry) > 0.0:
-            left = np.int64(links[4 * (left ^ 1) + PREVIOUS])
-            l, l_next = l_next, np.int64(links[4 * (left ^ 1) + ORIGIN])
-            lx, ly = xy[2 * l], xy[2 * l + 1]
-        elif right >= 0 and turn(rx, ry, xy[2 * r_next], xy[2 * r_next + 1], lx, ly) < 0.0:
-            right = np.int64(links[4 * (right ^ 1) + NEXT])
-            r, r_next = r_next, np.int64(links[4 * (right ^ 1) + ORIGIN])
-            rx, ry = xy[2 * r], xy[2 * r + 1]
+        if left >= 0 and _side(links, xy, left, _vertex(links, right)) > 0.0:
+            left = _get(links, left ^ 1, PREVIOUS)
+        elif right >= 0 and _side(links, xy, right, _vertex(links, left)) < 0.0:
+            right = _get(links, right ^ 1, NEXT)
         else:
             return left, right
 
 
 @kernel
-def _extreme(
-    links: Int32Array, xy: Float64Array, edge: int, across_y: bool, sign: float
-) -> Any:
-    """Of a hull, the edge at the last vertex by x, then y, or by y, then -x; the first for -1."""
+def _vertex(links: Int32Array, edge: int) -> int:
+    """The origin of an edge, or the single vertex."""
+    return _get(links, edge, ORIGIN) if edge >= 0 else ~edge
+
+
+@kernel
+def _last(links: Int32Array, xy: Float64Array, edge: int, across_y: bool, sign: float) -> Any:
+    """Of a hull, the edge at the last vertex in the order of `_rank`, which has one maximum."""
     if edge < 0:
         return edge
-    vertex = np.int64(links[4 * edge + ORIGIN])
-    main = xy[2 * vertex + across_y]
-    minor = xy[2 * vertex + 1 - across_y]
-    minor_sign = -sign if across_y else sign
+    main, minor = _rank(xy, _get(links, edge, ORIGIN), across_y, sign)
     turned = False
     while True:
         if turned:  # counter-clockwise along the hull
-            other = np.int64(links[4 * edge + NEXT]) ^ 1
+            other = _get(links, edge, NEXT) ^ 1
         else:
-            other = np.int64(links[4 * (edge ^ 1) + PREVIOUS])
-        vertex = np.int64(links[4 * other + ORIGIN])
-        ahead = sign * (xy[2 * vertex + across_y] - main)
-        if ahead > 0.0 or (
-            ahead == 0.0 and minor_sign * (xy[2 * vertex + 1 - across_y] - minor) > 0.0
-        ):
-            edge = other
-            main, minor = xy[2 * vertex + across_y], xy[2 * vertex + 1 - across_y]
+            other = _get(links, edge ^ 1, PREVIOUS)
+        other_main, other_minor = _rank(xy, _get(links, other, ORIGIN), across_y, sign)
+        if other_main > main or (other_main == main and other_minor > minor):
+            edge, main, minor = other, other_main, other_minor
         elif turned:
             return edge
         else:
@@ -308,35 +294,62 @@ def _extreme(
 
 
 @kernel
+def _rank(xy: Float64Array, vertex: int, across_y: bool, sign: float) -> tuple[float, float]:
+    """What orders vertices: x, then y or, for a cut across y, y, then -x; reversed for sign -1."""
+    x, y = _place(xy, vertex)
+    if across_y:
+        return sign * y, -sign * x
+    return sign * x, sign * y
+
+
+@kernel
 def _new_edge(links: Int32Array, free: int, origin: int, target: int) -> tuple[int, int]:
     """An edge that is not yet around its ends, and the next edge that is not in use."""
-    following = free + 2 + np.int64(links[4 * free + NEXT])
-    links[4 * free + ORIGIN] = origin
-    links[4 * free + FACE] = USED
-    links[4 * (free ^ 1) + ORIGIN] = target
-    links[4 * (free ^ 1) + FACE] = USED
+    following = free + 2 + _get(links, free, NEXT)
+    _set(links, free, ORIGIN, origin)
+    _set(links, free, FACE, USED)
+    _set(links, free ^ 1, ORIGIN, target)
+    _set(links, free ^ 1, FACE, USED)
     return free, following
 
 
 @kernel
 def _insert(links: Int32Array, edge: int, following: int) -> None:
     """Put an edge before another one, counter-clockwise around their origin."""
-    before = np.int64(links[4 * following + PREVIOUS])
-    links[4 * edge + NEXT] = following
-    links[4 * edge + PREVIOUS] = before
-    links[4 * before + NEXT] = edge
-    links[4 * following + PREVIOUS] = edge
+    before = _get(links, following, PREVIOUS)
+    _set(links, edge, NEXT, following)
+    _set(links, edge, PREVIOUS, before)
+    _set(links, before, NEXT, edge)
+    _set(links, following, PREVIOUS, edge)
 
 
 @kernel
 def _remove(links: Int32Array, edge: int, free: int) -> int:
     """Take an edge away from both of its ends; the first edge not in use."""
     for side in range(2):
-        following = np.int64(links[4 * (edge ^ side) + NEXT])
-        before = np.int64(links[4 * (edge ^ side) + PREVIOUS])
-        links[4 * before + NEXT] = following
-        links[4 * following + PREVIOUS] = before
-        links[4 * (edge ^ side) + FACE] = UNUSED
+        following = _get(links, edge ^ side, NEXT)
+        before = _get(links, edge ^ side, PREVIOUS)
+        _set(links, before, NEXT, following)
+        _set(links, following, PREVIOUS, before)
+        _set(links, edge ^ side, FACE, UNUSED)
     edge = edge & ~1
-    links[4 * edge + NEXT] = free - edge - 2
+    _set(links, edge, NEXT, free - edge - 2)
     return edge
+
+
+@kernel
+def _get(links: Int32Array, edge: int, which: int) -> int:
+    """One of the four integers of an edge. An unsigned index needs no test for negative ones."""
+    return np.int64(links[np.uint64(4 * edge + which)])
+
+
+@kernel
+def _set(links: Int32Array, edge: int, which: int, value: int) -> None:
+    """Change one of the four integers of an edge."""
+    links[np.uint64(4 * edge + which)] = value
+
+
+@kernel
+def _place(xy: Float64Array, vertex: int) -> tuple[float, float]:
+    """The coordinates of a vertex."""
+    return xy[np.uint64(2 * vertex)], xy[np.uint64(2 * vertex + 1)]
