@@ -19,12 +19,12 @@ from intervis.camera import Camera
 from intervis.drives.calibration import (
     CalibrationFile,
     CameraCalibration,
-    pick_camera,
     read_calibration_file,
-    warn_of_other_size,
 )
+from intervis.drives.camera_choice import pick_camera
 from intervis.drives.drive import Drive
 from intervis.drives.image_file import IMAGE_ENDINGS
+from intervis.drives.image_size import warn_of_other_size
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
 from intervis.drives.pose_track import PoseTrack
 from intervis.drives.trajectory import (

@@ -77,7 +77,8 @@ def _pose(values: tuple[float, ...], path: Path, line_number: int) -> Float64Arr
         )
     if max(map(abs, values)) > FARTHEST_M:
         raise CalibrationError(
-            f"{path}, line {line_number}: a pose of more than {FARTHEST_M:.0e} m is none on Earth."
+            f"{path}, line {line_number}: the pose has a number beyond {FARTHEST_M:.0e}: its"
+            " lengths must be metres."
         )
     try:
         return checked_pose(np.reshape(values, (-1, 4)))
