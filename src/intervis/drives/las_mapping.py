@@ -147,6 +147,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         timestamps_ns={number: start_ns + middles_ns[number] for number in poses},
         metadata_files=(trajectory_path,),
         read=_Scans(root, spans, poses, trajectory),
+        is_deskewed=True,  # the points are those of a map
     )
 
 

@@ -63,6 +63,29 @@ class PoseTrack:
             return self.poses[place]
         if place in (0, len(self.times_ns)):
             return None
+        return self._between(place, time_ns)
+
+    def near(self, time_ns: int) -> Float64Array | None:
+        """As `at`; the motion goes on as it was for one spacing before and after the poses.
+
+        Examples
+        --------
+        >>> ahead = rigid(np.eye(3), [4.0, 0, 0])
+        >>> track = PoseTrack(np.array([0, 1000]), (np.eye(4), ahead))
+        >>> track.near(1500)[:3, 3].tolist(), track.near(2001)
+        ([6.0, 0.0, 0.0], None)
+        """
+        found = self.at(time_ns)
+        last = len(self.times_ns) - 1
+        if found is not None or last < 1 or self.times_ns[0] < time_ns < self.times_ns[-1]:
+            return found
+        place, edge = (1, 0) if time_ns < self.times_ns[0] else (last, last)
+        edge_ns = int(self.times_ns[edge])
+        spacing_ns = int(self.times_ns[place] - self.times_ns[place - 1])
+        return self._between(place, time_ns) if abs(time_ns - edge_ns) <= spacing_ns else None
+
+    def _between(self, place: int, time_ns: int) -> Float64Array | None:
+        """The pose by the motion between the poses `place` - 1 and `place`."""
         before_ns, after_ns = (int(self.times_ns[nth]) for nth in (place - 1, place))
         if after_ns - before_ns > self.within_ns:
             return None
