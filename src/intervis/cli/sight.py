@@ -172,11 +172,11 @@ def _draw(
     import numpy as np
 
     from intervis.arrays import finite_rows
-    from intervis.plots.sight_figure import sight_from_above
+    from intervis.plots.sight_figure import sight_picture
     from intervis.plots.style import save_figure
 
     points = now.points[finite_rows(now.points)]
     risk, moment_s = asked
     answers = scene.sight(start, points, risk=risk, moment_s=moment_s)
-    figure = sight_from_above(points, answers, np.array(start), explained, np.array(end))
+    figure = sight_picture(now, answers, np.array(start), explained, np.array(end))
     save_figure(figure, path, path.suffix[1:].lower())

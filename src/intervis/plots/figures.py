@@ -113,15 +113,11 @@ def draw_camera_view(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
     camera = frame.camera
     assert camera is not None
     points = np.asarray(frame.points[analysis.in_view], dtype=np.float64)
-    pixel, ahead = _pixels(frame, points)
+    pixel, ahead = pixels_of(frame, points)
     range_m = np.linalg.norm(points[ahead] - analysis.viewpoint, axis=1)
     near_m, far_m = np.percentile(range_m, [1, 99])
 
-    image = frame.image
-    if image is None:
-        axes.set_facecolor("#eceef1")
-    else:
-        axes.imshow(image, extent=(0, camera.width_px, camera.height_px, 0))
+    has_image = draw_image(axes, frame)
     order = np.argsort(-range_m)  # the nearest is drawn last, over the farther ones
     shown = dots(
         axes,
@@ -131,19 +127,42 @@ def draw_camera_view(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
         cmap=f"{SEQUENTIAL}_r",
         norm=LogNorm(near_m, max(far_m, 1.01 * near_m)),
     )
+    axes.set_title(
+        f"{len(points):,} returns in view of {camera.name or 'the camera'}"
+        + ("" if has_image else " (this frame has no image)")
+    )
+    bar = colour_bar(axes, shown, "range, m")
+    ticks = [m for m in (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 80, 120, 200) if near_m <= m <= far_m]
+    bar.set_ticks(ticks, labels=[str(m) for m in ticks], minor=False)
+    bar.minorticks_off()
+
+
+def draw_image(axes: Any, frame: "Frame") -> bool:
+    """The image of the frame, or an empty one of the camera's size; whether there is an image."""
+    camera, image = frame.camera, frame.image
+    assert camera is not None
+    if image is None:
+        axes.set_facecolor("#eceef1")
+    else:
+        axes.imshow(image, extent=(0, camera.width_px, camera.height_px, 0))
     axes.set(
         xlim=(0, camera.width_px),
         ylim=(camera.height_px, 0),
         aspect="equal",
         xlabel="column, px",
         ylabel="row, px",
-        title=f"{len(points):,} returns in view of {camera.name or 'the camera'}"
-        + ("" if image is not None else " (this frame has no image)"),
     )
-    bar = colour_bar(axes, shown, "range, m")
-    ticks = [m for m in (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 80, 120, 200) if near_m <= m <= far_m]
-    bar.set_ticks(ticks, labels=[str(m) for m in ticks], minor=False)
-    bar.minorticks_off()
+    return image is not None
+
+
+def pixels_of(frame: "Frame", points: Float64Array) -> tuple[Float64Array, BoolArray]:
+    """(K, 2) pixels of the points in front of the camera, and the (N,) mask of these points."""
+    assert frame.camera is not None
+    assert frame.cam_from_velo is not None
+    matrix = image_from_velo(frame.camera, frame.cam_from_velo)
+    projected = points @ matrix[:, :3].T + matrix[:, 3]
+    ahead = projected[:, 2] > 0
+    return projected[ahead, :2] / projected[ahead, 2:], ahead
 
 
 def draw_scan(axes: Any, frame: "Frame", analysis: "Analysis") -> None:
@@ -300,16 +319,6 @@ def save_pictures(
         written.append(path)
         progress(name)
     return written
-
-
-def _pixels(frame: "Frame", points: Float64Array) -> tuple[Float64Array, BoolArray]:
-    """(K, 2) pixels of the points in front of the camera, and the (N,) mask of these points."""
-    assert frame.camera is not None
-    assert frame.cam_from_velo is not None
-    matrix = image_from_velo(frame.camera, frame.cam_from_velo)
-    projected = points @ matrix[:, :3].T + matrix[:, 3]
-    ahead = projected[:, 2] > 0
-    return projected[ahead, :2] / projected[ahead, 2:], ahead
 
 
 def _undisplaced_chart(analysis: "Analysis") -> Float64Array:

@@ -165,14 +165,14 @@ def _pictures(
 
 def _save_sight(frame: "Frame", path: Path) -> Path:
     """Draw which returns of a scan are visible from a viewpoint ahead of its sensor."""
-    from intervis.plots.sight_figure import sight_from_above
+    from intervis.plots.sight_figure import sight_picture
     from intervis.plots.style import save_figure
     from intervis.sight import Scene
 
     points = frame.points[finite_rows(frame.points), :3]
     scene, ahead = Scene(), np.array([AHEAD_M, 0.0, 0.0])
     scene.add(points, None, 0.0)
-    save_figure(sight_from_above(points, scene.sight(ahead, points, moment_s=0.0), ahead), path)
+    save_figure(sight_picture(frame, scene.sight(ahead, points, moment_s=0.0), ahead), path)
     return path
 
 
