@@ -23,7 +23,7 @@ from intervis.drives.float_columns import (
 from intervis.drives.image_file import checked_image_size_px, image_file_size_px
 from intervis.drives.nuscenes_sweeps import is_plain_name
 from intervis.drives.nuscenes_tables import pose_of, time_ns_of
-from intervis.drives.pcd_file import read_viewpoint
+from intervis.drives.pcd_file import read_viewpoint, rotation_of_quaternion
 from intervis.drives.scan_file import read_scan
 from intervis.drives.threedtk import read_3d, station_poses
 from intervis.drives.trajectory import poses_from_oxts, read_oxts_file, read_poses, read_seconds
@@ -166,6 +166,31 @@ def test_places_of_a_billion_metres(tmp_path, far_m, valid):
         else:
             with pytest.raises(CalibrationError):
                 read()
+
+
+@pytest.mark.parametrize(
+    ("words", "valid"),
+    [
+        ("0 -0.99e9 0 1 0 0 0", True),
+        ("0 -1.01e9 0 1 0 0 0", False),
+        ("1 2 3 1 0 0", False),
+        ("1 2 3 1 0 0 0 0", False),
+        ("1 2 3 1 0 0 x", False),
+        ("1 2 3 nan 0 0 0", False),
+    ],
+)
+def test_viewpoints_of_pcd(tmp_path, caplog, words, valid):
+    write_text(
+        tmp_path / "a.pcd", f"FIELDS x y z\nVIEWPOINT {words}\nPOINTS 1\nDATA ascii\n1 2 3\n"
+    )
+    assert (read_viewpoint(tmp_path / "a.pcd") is not None) == valid
+    assert ("VIEWPOINT is not a position and a quaternion" in caplog.text) == (not valid)
+
+
+def test_rotations_of_quaternions_are_those_of_scipy(rng):
+    for wxyz in rng.normal(size=(50, 4)):
+        expected = Rotation.from_quat(np.roll(wxyz, -1)).as_matrix()
+        assert np.allclose(rotation_of_quaternion(wxyz), expected, atol=1e-12)
 
 
 # --- PCD and PLY headers ---
@@ -506,6 +531,23 @@ def test_a_degree_of_longitude_is_111_kilometres_times_the_cosine_of_the_latitud
     assert np.allclose(poses[3], np.eye(4))
     assert np.allclose(poses[7][:3, 3], [111_319.4908 / 2, 0, -10], atol=1e-3)
     assert np.allclose(poses[7][:3, :3], Rotation.from_euler("z", 90, degrees=True).as_matrix())
+
+
+def test_a_degree_of_latitude_north_of_the_equator():
+    """By Mercator 6,378,137 m times asinh(tan(1 degree)), and times the cosine at the start."""
+    poses = poses_from_oxts({0: (0.0, 0, 0, 0, 0, 0), 1: (1.0, 0, 0, 0, 0, 0)}, np.eye(4))
+    north_m = 6_378_137 * np.arcsinh(np.tan(np.radians(1.0)))
+    assert poses[1][:3, 3] == pytest.approx([0, north_m, 0], abs=1e-6)
+    assert north_m == pytest.approx(111_325, abs=1)
+    back = poses_from_oxts({0: (1.0, 0, 0, 0, 0, 0), 1: (0.0, 0, 0, 0, 0, 0)}, np.eye(4))
+    assert back[1][1, 3] == pytest.approx(-north_m * np.cos(np.radians(1.0)))
+
+
+@pytest.mark.parametrize("numbers", [11, 13, 15, 17])
+def test_numbers_of_a_pose(tmp_path, numbers):
+    write_text(tmp_path / "poses.txt", " ".join(["0"] * numbers))
+    with pytest.raises(CalibrationError, match=rf"a pose needs 12 numbers, .* has {numbers}"):
+        read_poses(tmp_path / "poses.txt")
 
 
 @pytest.mark.parametrize(("time_s", "valid"), [("-9e9", True), ("9.1e9", False)])
