@@ -27,7 +27,7 @@ from intervis.drives.pcd_file import read_viewpoint, rotation_of_quaternion
 from intervis.drives.scan_file import read_scan
 from intervis.drives.threedtk import read_3d, station_poses
 from intervis.drives.trajectory import poses_from_oxts, read_oxts_file, read_poses, read_seconds
-from intervis.drives.viewpoint import hidden_share, stands_at_pose
+from intervis.drives.viewpoint import hidden_share, stands_at_pose, step_spread
 from intervis.errors import CalibrationError, DriveError, ScanError
 
 # --- E57 ---
@@ -443,10 +443,18 @@ def centimetres(ranges_m):
 def test_ranges_that_mean_no_return(tmp_path, others, pile, removed):
     """Ranges up to 20 m, and those that pile up at the largest one."""
     ranges_m = [*np.linspace(1.0, 20.0, others), *pile]
-    write_text(tmp_path / "scan000.3d", centimetres(ranges_m))
+    rows = centimetres(ranges_m).replace("\n", " 99\n", others)  # a reflectance is no length
+    write_text(tmp_path / "scan000.3d", rows.replace("0\n", "0 0\n"))
     missing = np.isnan(read_3d(tmp_path / "scan000.3d").points).any(axis=1)
     at_largest = np.array(ranges_m) > max(pile) - 0.02
     assert (missing == (at_largest if removed else False)).all()
+
+
+def test_huge_coordinates_of_3dtk_leave_no_warning(tmp_path):
+    write_text(tmp_path / "scan000.3d", "0 0 1e300\n0 0 100\n")
+    points = read_3d(tmp_path / "scan000.3d").points
+    assert points[1].tolist() == [1, 0, 0]
+    assert points[0, 0] == np.inf
 
 
 @pytest.mark.parametrize(("far", "valid"), [("9.9e10", True), ("-1.01e11", False)])
@@ -485,6 +493,14 @@ def test_a_truncated_station_of_ptx_is_found_before_its_points_are_read(tmp_path
     write_text(path, head + "0 0 1\n0 1 0\n1 0 ")
     with pytest.raises(CalibrationError, match=r"line 1: .* is truncated: .* 3 points"):
         ptx_stations.read_stations(path)
+
+
+def test_one_point_and_what_follows_a_station_of_ptx(tmp_path):
+    write_text(tmp_path / "a.ptx", ptx(1))
+    assert open_drive(tmp_path)[0].points.tolist() == [[1, 2, 3]]
+    write_text(tmp_path / "a.ptx", ptx(3) + "2")  # a station cut off, without an end of line
+    with pytest.raises(CalibrationError, match="line 14: expected the ten lines"):
+        open_drive(tmp_path)
 
 
 @pytest.mark.parametrize("place", ["position", "translation"])
@@ -594,6 +610,42 @@ def test_a_point_is_hidden_that_lies_clearly_behind_another(range_m, behind):
     """One point 10 m away, or behind the other; by more than 2 % and a metre."""
     points = np.array([[10.0, 0.01, 0.01], [range_m, 0.01 * range_m / 10, 0.01 * range_m / 10]])
     assert hidden_share(points, np.zeros(3)) == (0.5 if behind else 0.0)
+
+
+def seen_from_origin(*azimuth_elevation_range):
+    """Points from degrees, degrees and metres."""
+    a, e, r = np.array(azimuth_elevation_range, float).T
+    a, e = np.radians(a), np.radians(e)
+    return np.stack([r * np.cos(a) * np.cos(e), r * np.sin(a) * np.cos(e), r * np.sin(e)], axis=1)
+
+
+@pytest.mark.parametrize("apart_deg", [(0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6)])
+def test_points_in_different_directions_hide_nothing(apart_deg):
+    """Directions fall into cells of half a degree."""
+    near, far = (0.1, 0.1, 10.0), (0.1 + apart_deg[0], 0.1 + apart_deg[1], 20.0)
+    assert hidden_share(seen_from_origin(near, far), np.zeros(3)) == 0.0
+    assert hidden_share(seen_from_origin(far, near), np.zeros(3)) == 0.0
+    behind = (0.4, 0.4, 20.0)
+    assert hidden_share(seen_from_origin(near, far, behind), np.zeros(3)) == pytest.approx(1 / 3)
+
+
+def test_doubled_returns_do_not_change_the_spread_of_angular_steps(rng):
+    azimuth_deg = np.cumsum(rng.uniform(0.3, 0.5, 400))
+    points = seen_from_origin(*((a, 0.0, 9.0) for a in azimuth_deg))
+    spread = step_spread(points, np.zeros(3))
+    assert 0.1 < spread < 0.6
+    assert step_spread(np.repeat(points, 2, axis=0), np.zeros(3)) == pytest.approx(spread)
+
+
+def test_a_broken_file_among_posed_scans_fails_alone(tmp_path):
+    head = "FIELDS x y z\nVIEWPOINT {} 0 0 1 0 0 0\nPOINTS 1\nDATA ascii\n1 2 3\n"
+    write_text(tmp_path / "0.pcd", "no header")
+    write_text(tmp_path / "1.pcd", head.format(5))
+    write_text(tmp_path / "2.pcd", head.format(6))
+    drive = open_drive(tmp_path)
+    assert {number: pose[0, 3] for number, pose in drive.poses.items()} == {1: 5, 2: 6}
+    with pytest.raises(ScanError, match=r"0\.pcd is not a readable PCD file"):
+        drive[0]
 
 
 def test_messages_about_the_frame_of_points_are_for_those_who_ask(tmp_path, caplog):
