@@ -378,6 +378,12 @@ def test_segments_before_the_size_of_a_jpeg(tmp_path, segments, valid):
             image_file_size_px(tmp_path / "a.jpg")
 
 
+def test_an_empty_segment_before_the_size_of_a_jpeg(tmp_path):
+    frame = b"\xff\xc2" + struct.pack(">HBHH", 17, 8, 30, 40) + bytes(10)
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8" + b"\xff\xe1\0\2" + b"\xff\xfe\0\3x" + frame)
+    assert image_file_size_px(tmp_path / "a.jpg") == (40, 30)
+
+
 def test_the_first_image_that_can_be_read_tells_the_size(tmp_path):
     for name, content in (("1", b""), ("2", png_start(5, 6)), ("3", png_start(7, 8))):
         (tmp_path / name).write_bytes(content)
