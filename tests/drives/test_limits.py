@@ -23,11 +23,11 @@ from intervis.drives.float_columns import (
 from intervis.drives.image_file import checked_image_size_px, image_file_size_px
 from intervis.drives.nuscenes_sweeps import is_plain_name
 from intervis.drives.nuscenes_tables import pose_of, time_ns_of
-from intervis.drives.pcd_file import read_viewpoint
+from intervis.drives.pcd_file import read_viewpoint, rotation_of_quaternion
 from intervis.drives.scan_file import read_scan
 from intervis.drives.threedtk import read_3d, station_poses
 from intervis.drives.trajectory import poses_from_oxts, read_oxts_file, read_poses, read_seconds
-from intervis.drives.viewpoint import hidden_share, stands_at_pose
+from intervis.drives.viewpoint import hidden_share, stands_at_pose, step_spread
 from intervis.errors import CalibrationError, DriveError, ScanError
 
 # --- E57 ---
@@ -166,6 +166,31 @@ def test_places_of_a_billion_metres(tmp_path, far_m, valid):
         else:
             with pytest.raises(CalibrationError):
                 read()
+
+
+@pytest.mark.parametrize(
+    ("words", "valid"),
+    [
+        ("0 -0.99e9 0 1 0 0 0", True),
+        ("0 -1.01e9 0 1 0 0 0", False),
+        ("1 2 3 1 0 0", False),
+        ("1 2 3 1 0 0 0 0", False),
+        ("1 2 3 1 0 0 x", False),
+        ("1 2 3 nan 0 0 0", False),
+    ],
+)
+def test_viewpoints_of_pcd(tmp_path, caplog, words, valid):
+    write_text(
+        tmp_path / "a.pcd", f"FIELDS x y z\nVIEWPOINT {words}\nPOINTS 1\nDATA ascii\n1 2 3\n"
+    )
+    assert (read_viewpoint(tmp_path / "a.pcd") is not None) == valid
+    assert ("VIEWPOINT is not a position and a quaternion" in caplog.text) == (not valid)
+
+
+def test_rotations_of_quaternions_are_those_of_scipy(rng):
+    for wxyz in rng.normal(size=(50, 4)):
+        expected = Rotation.from_quat(np.roll(wxyz, -1)).as_matrix()
+        assert np.allclose(rotation_of_quaternion(wxyz), expected, atol=1e-12)
 
 
 # --- PCD and PLY headers ---
@@ -353,6 +378,12 @@ def test_segments_before_the_size_of_a_jpeg(tmp_path, segments, valid):
             image_file_size_px(tmp_path / "a.jpg")
 
 
+def test_an_empty_segment_before_the_size_of_a_jpeg(tmp_path):
+    frame = b"\xff\xc2" + struct.pack(">HBHH", 17, 8, 30, 40) + bytes(10)
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8" + b"\xff\xe1\0\2" + b"\xff\xfe\0\3x" + frame)
+    assert image_file_size_px(tmp_path / "a.jpg") == (40, 30)
+
+
 def test_the_first_image_that_can_be_read_tells_the_size(tmp_path):
     for name, content in (("1", b""), ("2", png_start(5, 6)), ("3", png_start(7, 8))):
         (tmp_path / name).write_bytes(content)
@@ -418,10 +449,18 @@ def centimetres(ranges_m):
 def test_ranges_that_mean_no_return(tmp_path, others, pile, removed):
     """Ranges up to 20 m, and those that pile up at the largest one."""
     ranges_m = [*np.linspace(1.0, 20.0, others), *pile]
-    write_text(tmp_path / "scan000.3d", centimetres(ranges_m))
+    rows = centimetres(ranges_m).replace("\n", " 99\n", others)  # a reflectance is no length
+    write_text(tmp_path / "scan000.3d", rows.replace("0\n", "0 0\n"))
     missing = np.isnan(read_3d(tmp_path / "scan000.3d").points).any(axis=1)
     at_largest = np.array(ranges_m) > max(pile) - 0.02
     assert (missing == (at_largest if removed else False)).all()
+
+
+def test_huge_coordinates_of_3dtk_leave_no_warning(tmp_path):
+    write_text(tmp_path / "scan000.3d", "0 0 1e300\n0 0 100\n")
+    points = read_3d(tmp_path / "scan000.3d").points
+    assert points[1].tolist() == [1, 0, 0]
+    assert points[0, 0] == np.inf
 
 
 @pytest.mark.parametrize(("far", "valid"), [("9.9e10", True), ("-1.01e11", False)])
@@ -460,6 +499,14 @@ def test_a_truncated_station_of_ptx_is_found_before_its_points_are_read(tmp_path
     write_text(path, head + "0 0 1\n0 1 0\n1 0 ")
     with pytest.raises(CalibrationError, match=r"line 1: .* is truncated: .* 3 points"):
         ptx_stations.read_stations(path)
+
+
+def test_one_point_and_what_follows_a_station_of_ptx(tmp_path):
+    write_text(tmp_path / "a.ptx", ptx(1))
+    assert open_drive(tmp_path)[0].points.tolist() == [[1, 2, 3]]
+    write_text(tmp_path / "a.ptx", ptx(3) + "2")  # a station cut off, without an end of line
+    with pytest.raises(CalibrationError, match="line 14: expected the ten lines"):
+        open_drive(tmp_path)
 
 
 @pytest.mark.parametrize("place", ["position", "translation"])
@@ -508,6 +555,23 @@ def test_a_degree_of_longitude_is_111_kilometres_times_the_cosine_of_the_latitud
     assert np.allclose(poses[7][:3, :3], Rotation.from_euler("z", 90, degrees=True).as_matrix())
 
 
+def test_a_degree_of_latitude_north_of_the_equator():
+    """By Mercator 6,378,137 m times asinh(tan(1 degree)), and times the cosine at the start."""
+    poses = poses_from_oxts({0: (0.0, 0, 0, 0, 0, 0), 1: (1.0, 0, 0, 0, 0, 0)}, np.eye(4))
+    north_m = 6_378_137 * np.arcsinh(np.tan(np.radians(1.0)))
+    assert poses[1][:3, 3] == pytest.approx([0, north_m, 0], abs=1e-6)
+    assert north_m == pytest.approx(111_325, abs=1)
+    back = poses_from_oxts({0: (1.0, 0, 0, 0, 0, 0), 1: (0.0, 0, 0, 0, 0, 0)}, np.eye(4))
+    assert back[1][1, 3] == pytest.approx(-north_m * np.cos(np.radians(1.0)))
+
+
+@pytest.mark.parametrize("numbers", [11, 13, 15, 17])
+def test_numbers_of_a_pose(tmp_path, numbers):
+    write_text(tmp_path / "poses.txt", " ".join(["0"] * numbers))
+    with pytest.raises(CalibrationError, match=rf"a pose needs 12 numbers, .* has {numbers}"):
+        read_poses(tmp_path / "poses.txt")
+
+
 @pytest.mark.parametrize(("time_s", "valid"), [("-9e9", True), ("9.1e9", False)])
 def test_seconds_that_64_bits_of_nanoseconds_hold(tmp_path, time_s, valid):
     write_text(tmp_path / "times.txt", time_s)
@@ -552,6 +616,42 @@ def test_a_point_is_hidden_that_lies_clearly_behind_another(range_m, behind):
     """One point 10 m away, or behind the other; by more than 2 % and a metre."""
     points = np.array([[10.0, 0.01, 0.01], [range_m, 0.01 * range_m / 10, 0.01 * range_m / 10]])
     assert hidden_share(points, np.zeros(3)) == (0.5 if behind else 0.0)
+
+
+def seen_from_origin(*azimuth_elevation_range):
+    """Points from degrees, degrees and metres."""
+    a, e, r = np.array(azimuth_elevation_range, float).T
+    a, e = np.radians(a), np.radians(e)
+    return np.stack([r * np.cos(a) * np.cos(e), r * np.sin(a) * np.cos(e), r * np.sin(e)], axis=1)
+
+
+@pytest.mark.parametrize("apart_deg", [(0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6)])
+def test_points_in_different_directions_hide_nothing(apart_deg):
+    """Directions fall into cells of half a degree."""
+    near, far = (0.1, 0.1, 10.0), (0.1 + apart_deg[0], 0.1 + apart_deg[1], 20.0)
+    assert hidden_share(seen_from_origin(near, far), np.zeros(3)) == 0.0
+    assert hidden_share(seen_from_origin(far, near), np.zeros(3)) == 0.0
+    behind = (0.4, 0.4, 20.0)
+    assert hidden_share(seen_from_origin(near, far, behind), np.zeros(3)) == pytest.approx(1 / 3)
+
+
+def test_doubled_returns_do_not_change_the_spread_of_angular_steps(rng):
+    azimuth_deg = np.cumsum(rng.uniform(0.3, 0.5, 400))
+    points = seen_from_origin(*((a, 0.0, 9.0) for a in azimuth_deg))
+    spread = step_spread(points, np.zeros(3))
+    assert 0.1 < spread < 0.6
+    assert step_spread(np.repeat(points, 2, axis=0), np.zeros(3)) == pytest.approx(spread)
+
+
+def test_a_broken_file_among_posed_scans_fails_alone(tmp_path):
+    head = "FIELDS x y z\nVIEWPOINT {} 0 0 1 0 0 0\nPOINTS 1\nDATA ascii\n1 2 3\n"
+    write_text(tmp_path / "0.pcd", "no header")
+    write_text(tmp_path / "1.pcd", head.format(5))
+    write_text(tmp_path / "2.pcd", head.format(6))
+    drive = open_drive(tmp_path)
+    assert {number: pose[0, 3] for number, pose in drive.poses.items()} == {1: 5, 2: 6}
+    with pytest.raises(ScanError, match=r"0\.pcd is not a readable PCD file"):
+        drive[0]
 
 
 def test_messages_about_the_frame_of_points_are_for_those_who_ask(tmp_path, caplog):

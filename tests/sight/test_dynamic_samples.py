@@ -15,6 +15,7 @@ from intervis.sight.kernels.batch import (
 from intervis.sight.kernels.dynamics import apply_dynamic, find_dynamic, was_occupied
 from intervis.sight.kernels.packed_scans import FROM_SCENE
 from intervis.sight.occupancy_model import MODEL
+from intervis.transform import inverse, rigid
 
 NAN = float("nan")
 RULE = MODEL.parameters._replace(
@@ -138,14 +139,22 @@ def scan_at(x_m, objects):
     return image.ravel(), descriptor
 
 
-def stood_at(x, first_object, last_object, fraction, length_m=4.0):
-    """Whether an object stood at (x, 10.2, 0), seen by scans at x = 0 and x = `length_m`."""
+def stood_at(x, first_object, last_object, fraction, length_m=4.0, pose=None):
+    """Whether an object stood at (x, 10.2, 0), seen by scans at x = 0 and x = `length_m`.
+
+    `pose` moves all of it: scans, objects, and the point.
+    """
     near_pixels, nearest = scan_at(0.0, [first_object])
     far_pixels, bracketing = scan_at(length_m, [last_object])
     bracketing[1] = len(near_pixels)  # offset
     pixels = np.concatenate([near_pixels, far_pixels])
-    direction = np.array([1.0, 0.0, fraction])
-    return bool(was_occupied(pixels, nearest, bracketing, x, 10.2, 0.0, direction, RULE))
+    pose = np.eye(4) if pose is None else pose
+    for descriptor in (nearest, bracketing):
+        moved = descriptor[FROM_SCENE:].reshape(3, 4) @ inverse(pose)
+        descriptor[FROM_SCENE:] = moved.ravel()
+    point = pose[:3, :3] @ [x, 10.2, 0.0] + pose[:3, 3]
+    direction = np.array([*pose[:2, 0], fraction])
+    return bool(was_occupied(pixels, nearest, bracketing, *point, direction, RULE))
 
 
 @pytest.mark.parametrize("fraction", [0.25, 0.5, 0.75])
@@ -157,6 +166,18 @@ def test_an_object_stood_on_its_way_between_two_scans(first_x, last_x, fraction)
     assert stood_at(there, *objects, fraction)
     for aside in (-1.0, 1.0):
         assert not stood_at(there + aside, *objects, fraction)
+
+
+@pytest.mark.parametrize("yaw_deg", [90.0, 200.0])
+def test_the_rule_does_not_depend_on_the_axes_of_the_scene(yaw_deg):
+    c, s = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
+    pose = rigid([[c, -s, 0], [s, c, 0], [0, 0, 1]], [30.0, -20.0, 5.0])
+    objects = (-1.3, -0.7), (2.2, 2.8)
+    for x in np.arange(-2.0, 3.5, 0.35):
+        for fraction in (0.25, 0.75):
+            expected = stood_at(x, *objects, fraction)
+            assert stood_at(x, *objects, fraction, pose=pose) == expected
+    assert stood_at(-1.0 + 0.25 * 3.5, *objects, 0.25, pose=pose)
 
 
 def test_objects_farther_apart_than_the_reach_are_two():

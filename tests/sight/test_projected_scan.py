@@ -96,6 +96,11 @@ def test_a_quantile_is_that_of_numpy(seed, count, fraction):
     assert _quantile(values, fraction) == np.quantile(values, fraction)
 
 
+def test_the_median_of_two_values_is_rounded_as_by_numpy(rng):
+    for values in rng.lognormal(1.0, 2.0, (500, 2)):
+        assert _quantile(values, 0.5) == np.quantile(values, 0.5)
+
+
 @settings(deadline=None)
 @given(seed=SEEDS, count=st.integers(0, 4000), strays=st.integers(0, 8))
 def test_strays_are_far_beyond_nearly_all_returns(seed, count, strays):

@@ -219,6 +219,31 @@ def spacings_by_definition(scan, hits):
     return found[0], found[1]
 
 
+def scan_at(azimuth_deg, elevation_deg):
+    """A projected scan of returns at some azimuths and elevations."""
+    a, e = np.radians(np.ravel(azimuth_deg)), np.radians(np.ravel(elevation_deg))
+    rays = np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=1)
+    return project_scan(9.0 * rays)
+
+
+def test_irregular_spacings_never_shrink():
+    """Half of the returns lie in a grid, where the solid angle of a return is the product of its
+    spacings. The others lie in rows 0.06 degrees apart, each a third of a step farther: a return
+    has its neighbour above three rows up, and a third of that solid angle."""
+    step_deg = 0.2
+    rows, columns = np.meshgrid(np.arange(-30, 30), np.arange(100), indexing="ij")
+    sheared = step_deg * (columns + rows / 3.0), 0.3 * step_deg * rows
+    rows, columns = np.meshgrid(np.arange(-12, 12), np.arange(250), indexing="ij")
+    even = 90.0 + step_deg * columns, step_deg * rows
+    scan = scan_at(
+        *(np.concatenate([np.ravel(x), np.ravel(y)]) for x, y in zip(sheared, even, strict=True))
+    )
+    hits = np.arange(len(scan))
+    found = _spacings_deg(scan, hits)
+    np.testing.assert_allclose(found, spacings_by_definition(scan, hits), rtol=1e-9)
+    assert found[0] == pytest.approx(step_deg, rel=0.15), "times the upper quartile, near one"
+
+
 @pytest.mark.parametrize("spread", [0.0, 0.3, 0.4, 3.0])
 @pytest.mark.parametrize("step_deg", [0.6, 1.7, 4.5])
 def test_spacings_are_medians_between_neighbours_and_grow_where_the_returns_are_irregular(
@@ -232,10 +257,7 @@ def test_spacings_are_medians_between_neighbours_and_grow_where_the_returns_are_
     )
     azimuth = azimuth + spread * step_deg * rng.normal(size=azimuth.shape)
     elevation = np.clip(elevation + spread * step_deg * rng.normal(size=azimuth.shape), -80, 80)
-    a, e = np.radians(azimuth.ravel()), np.radians(elevation.ravel())
-    scan = project_scan(
-        9.0 * np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=1)
-    )
+    scan = scan_at(azimuth, elevation)
     hits = np.flatnonzero(rng.random(len(scan)) < 0.95)
     expected = spacings_by_definition(scan, hits)
     np.testing.assert_allclose(_spacings_deg(scan, hits), expected, rtol=1e-9)

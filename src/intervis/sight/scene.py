@@ -169,8 +169,9 @@ class Scene:
         max_range_m : float or None
             Longer lines are unknown, with probability NaN. None: no limit.
         risk : float
-            How often "visible" and "occluded" may each be wrong, from 0.001 to 0.2. A lower value
-            leaves more lines unknown. `docs/sight.md` says what the bound rests on.
+            Share of the "visible" answers, and of the "occluded" ones, that may be wrong, from
+            0.001 to 0.2. A lower value leaves more lines unknown. `docs/sight.md` states what the
+            bound assumes.
         moment_s : float or None
             Query time, on the clock of the scans' timestamps: scans near that time contribute
             most. None: no particular time, as on a map; scans near the line contribute most.

@@ -1,5 +1,7 @@
 """The answers for many sight lines, as a user reads them: states, probabilities, blockers."""
 
+from __future__ import annotations  # help() shows the names of the array types
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -72,13 +74,13 @@ class Sight:
     def __len__(self) -> int:
         return len(self._lines())
 
-    def __iter__(self) -> Iterator["Sight"]:
+    def __iter__(self) -> Iterator[Sight]:
         return (self[nth] for nth in range(len(self)))
 
     def __bool__(self) -> bool:
         raise TypeError("a Sight has no truth value: use its masks visible, occluded and unknown.")
 
-    def __getitem__(self, key: Any) -> "Sight":
+    def __getitem__(self, key: Any) -> Sight:
         # One index for the lines, so that no key reaches the coordinates of `blocker`.
         at = np.arange(self.state.size).reshape(self.state.shape)[key]
         return Sight(

@@ -90,7 +90,10 @@ def evaluate(
         ),
     ] = False,
     baselines: Annotated[
-        bool, typer.Option("--rivals", help="Evaluate the baselines too, at several settings.")
+        bool,
+        typer.Option(
+            "--baselines", "--rivals", help="Evaluate the baselines too, at several settings."
+        ),
     ] = False,
     graph: Annotated[
         bool, typer.Option("--graph", help="Evaluate the graph of the paper's method too.")
