@@ -54,7 +54,10 @@ def hull(points: list[Point]) -> list[Point]:
 
 def double_area(polygon: list[Point]) -> Fraction:
     return sum(
-        (a[0] * b[1] - a[1] * b[0] for a, b in zip(polygon, polygon[1:] + polygon[:1], strict=True)),
+        (
+            a[0] * b[1] - a[1] * b[0]
+            for a, b in zip(polygon, polygon[1:] + polygon[:1], strict=True)
+        ),
         Fraction(0),
     )
 

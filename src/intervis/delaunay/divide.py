@@ -7,8 +7,8 @@ outwards. It takes O(n log n) time in the worst case, and the cells keep its wor
 
 Edges are directed and come in pairs: ``edge ^ 1`` is the same edge, reversed. Four integers
 describe each edge: the next and the previous edge around its origin, counter-clockwise; its
-origin; and the half edge that it becomes in the result. A triangulation is known by an edge of its hull that has the
-outside on its left or, if it is a single vertex v, by ``~v``.
+origin; and the half edge that it becomes in the result. A triangulation is known by an edge of its
+hull that has the outside on its left or, if it is a single vertex v, by ``~v``.
 """
 
 from typing import Any
@@ -108,7 +108,7 @@ def divide(
 
 
 @kernel
-def join_unused(links: Int32Array, bounds: IntArray, free: IntArray) -> int:
+def join_unused(links: Int32Array, bounds: IntArray, free: IntArray) -> Any:
     """Join the lists of unused edges of parts that had six edges for each vertex; the first."""
     first: Any = 0
     for part in range(len(free)):
@@ -180,67 +180,64 @@ def _merge(
                 return _triangle(links, edge if side > 0.0 else edge ^ 1, single, free)
 
     across_y = (number & (SQUARE - 1)) >= BY_SQUARE and (number & 1) == 1
-    left, right = _lower_tangent(links, xy, first, second, across_y)
-    l: Any = _vertex(links, left)
-    r: Any = _vertex(links, right)
-    lx, ly = place(xy, l)
-    rx, ry = place(xy, r)
+    left_edge, right_edge = _lower_tangent(links, xy, first, second, across_y)
+    left: Any = _vertex(links, left_edge)
+    right: Any = _vertex(links, right_edge)
+    lx, ly = place(xy, left)
+    rx, ry = place(xy, right)
 
-    # The base runs from the right vertex r to the left vertex l; what lies below it is done.
-    base, free = _new_edge(links, free, r, l)
-    if right < 0:
+    # The base runs from the right vertex to the left one. What lies below it is complete.
+    base, free = _new_edge(links, free, right, left)
+    if right_edge < 0:
         _close(links, base, base)
     else:
-        _insert(links, base, right)
-    if left < 0:
+        _insert(links, base, right_edge)
+    if left_edge < 0:
         _close(links, base ^ 1, base ^ 1)
     else:
-        _insert(links, base ^ 1, get(links, left, NEXT))
-
+        _insert(links, base ^ 1, get(links, left_edge, NEXT))
     while True:
-        # The neighbour of l that forms the next triangle, if the other side has no better one.
-        a_edge = get(links, base ^ 1, NEXT)
-        a = get(links, a_edge ^ 1, ORIGIN)
-        ax, ay = place(xy, a)
+        # The third corner of the next triangle is a neighbour a of the left vertex or b of the
+        # right one: the neighbour above the base whose circle with the base holds none of the
+        # others. Edges to corners inside the circle are removed. Both sides are written out: a
+        # kernel for one of them is not inlined, and the calls cost half as much time again.
+        edge = base ^ 1
+        a_edge = get(links, edge, NEXT)
+        ax, ay = place(xy, get(links, a_edge ^ 1, ORIGIN))
         a_above = turn(lx, ly, rx, ry, ax, ay) > 0.0
-        if a_above:
-            while True:
-                edge = get(links, a_edge, NEXT)
-                if edge == base ^ 1:
-                    break
-                c = get(links, edge ^ 1, ORIGIN)
-                cx, cy = place(xy, c)
-                if not incircle(lx, ly, rx, ry, ax, ay, cx, cy):
-                    break
-                free = _remove(links, a_edge, free)
-                a_edge, a, ax, ay = edge, c, cx, cy
+        while a_above:
+            following = get(links, a_edge, NEXT)
+            if following == edge:
+                break
+            x, y = place(xy, get(links, following ^ 1, ORIGIN))
+            if not incircle(lx, ly, rx, ry, ax, ay, x, y):
+                break
+            free = _remove(links, a_edge, free)
+            a_edge, ax, ay = following, x, y
         b_edge = get(links, base, PREVIOUS)
-        b = get(links, b_edge ^ 1, ORIGIN)
-        bx, by = place(xy, b)
+        bx, by = place(xy, get(links, b_edge ^ 1, ORIGIN))
         b_above = turn(lx, ly, rx, ry, bx, by) > 0.0
-        if b_above:
-            while True:
-                edge = get(links, b_edge, PREVIOUS)
-                if edge == base:
-                    break
-                c = get(links, edge ^ 1, ORIGIN)
-                cx, cy = place(xy, c)
-                if not incircle(lx, ly, rx, ry, bx, by, cx, cy):
-                    break
-                free = _remove(links, b_edge, free)
-                b_edge, b, bx, by = edge, c, cx, cy
+        while b_above:
+            following = get(links, b_edge, PREVIOUS)
+            if following == base:
+                break
+            x, y = place(xy, get(links, following ^ 1, ORIGIN))
+            if not incircle(lx, ly, rx, ry, bx, by, x, y):
+                break
+            free = _remove(links, b_edge, free)
+            b_edge, bx, by = following, x, y
         if not a_above and not b_above:
             return base ^ 1, free
         if not a_above or (b_above and incircle(ax, ay, lx, ly, rx, ry, bx, by)):
-            edge, free = _new_edge(links, free, b, l)
+            right, rx, ry = get(links, b_edge ^ 1, ORIGIN), bx, by
+            edge, free = _new_edge(links, free, right, left)
             _insert(links, edge, b_edge ^ 1)
             _insert(links, edge ^ 1, get(links, base ^ 1, NEXT))
-            r, rx, ry = b, bx, by
         else:
-            edge, free = _new_edge(links, free, r, a)
+            left, lx, ly = get(links, a_edge ^ 1, ORIGIN), ax, ay
+            edge, free = _new_edge(links, free, right, left)
             _insert(links, edge, base)
             _insert(links, edge ^ 1, get(links, a_edge ^ 1, NEXT))
-            l, lx, ly = a, ax, ay
         base = edge
 
 
@@ -267,7 +264,7 @@ def _lower_tangent(
 
 
 @kernel
-def _vertex(links: Int32Array, edge: int) -> int:
+def _vertex(links: Int32Array, edge: int) -> Any:
     """The origin of an edge, or the single vertex."""
     return get(links, edge, ORIGIN) if edge >= 0 else ~edge
 
@@ -280,10 +277,8 @@ def _last(links: Int32Array, xy: Float64Array, edge: int, across_y: bool, sign: 
     main, minor = _rank(xy, get(links, edge, ORIGIN), across_y, sign)
     turned = False
     while True:
-        if turned:  # counter-clockwise along the hull
-            other = get(links, edge, NEXT) ^ 1
-        else:
-            other = get(links, edge ^ 1, PREVIOUS)
+        # Counter-clockwise along the hull if turned, clockwise before
+        other = get(links, edge, NEXT) ^ 1 if turned else get(links, edge ^ 1, PREVIOUS)
         other_main, other_minor = _rank(xy, get(links, other, ORIGIN), across_y, sign)
         if other_main > main or (other_main == main and other_minor > minor):
             edge, main, minor = other, other_main, other_minor
@@ -338,7 +333,7 @@ def _remove(links: Int32Array, edge: int, free: int) -> int:
 
 
 @kernel
-def get(links: Int32Array, edge: int, which: int) -> int:
+def get(links: Int32Array, edge: int, which: int) -> Any:
     """One of the four integers of an edge. An unsigned index needs no test for negative ones."""
     return np.int64(links[np.uint64(4 * edge + which)])
 

@@ -188,13 +188,13 @@ def place(xy: Float64Array, vertex: int) -> tuple[float, float]:
 
 
 @kernel
-def _highest_bit(number: int) -> int:
+def _highest_bit(number: int) -> Any:
     """Number of the highest bit that is set: the exponent of the double."""
     return (np.float64(number).view(np.int64) >> 52) - 1023
 
 
 @kernel
-def _spread(bits: int) -> int:
+def _spread(bits: Any) -> Any:
     """Put a zero before each of 11 bits."""
     bits = (bits | (bits << 8)) & 0x0700FF
     bits = (bits | (bits << 4)) & 0x070F0F

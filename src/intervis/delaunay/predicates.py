@@ -42,9 +42,7 @@ def incircle(
     cdx_ady, adx_cdy = cdx * ady, adx * cdy
     adx_bdy, bdx_ady = adx * bdy, bdx * ady
     a_lift, b_lift, c_lift = adx * adx + ady * ady, bdx * bdx + bdy * bdy, cdx * cdx + cdy * cdy
-    det = (
-        a_lift * (bdx_cdy - cdx_bdy) + b_lift * (cdx_ady - adx_cdy) + c_lift * (adx_bdy - bdx_ady)
-    )
+    det = a_lift * (bdx_cdy - cdx_bdy) + b_lift * (cdx_ady - adx_cdy) + c_lift * (adx_bdy - bdx_ady)
     size = (
         a_lift * (abs(bdx_cdy) + abs(cdx_bdy))
         + b_lift * (abs(cdx_ady) + abs(adx_cdy))

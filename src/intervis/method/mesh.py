@@ -106,4 +106,3 @@ def star_centroids(mesh: Mesh, position: Float64Array) -> Float64Array:
                 for k in range(width)
             ]
         )
-
