@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
-from exact_double import all_triangles, check
+from exact_double import all_triangles, check, exact, inside, turn
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 
+import intervis
 from intervis.delaunay import triangulate, triangulation
+from intervis.delaunay.divide import part_bounds
+from intervis.delaunay.order import spatial_order
 from intervis.errors import PointsError
 
 seeds = st.integers(0, 2**32 - 1)
@@ -196,3 +200,90 @@ def test_what_is_smaller_than_all_powers_counts_as_zero():
 def test_numbers_that_are_not_finite_are_refused(wrong):
     with pytest.raises(PointsError, match="finite"):
         triangulate(np.array([[0.0, 0], [1, wrong], [0, 1], [2, 2]]))
+
+
+@given(seeds, st.integers(1, 60), st.booleans())
+@settings(max_examples=30)
+def test_edges_and_areas_are_those_of_the_triangles(seed, count, whole):
+    rng = np.random.default_rng(seed)
+    positions = rng.integers(0, 6, (count, 2)) * 1.0 if whole else rng.normal(size=(count, 2))
+    found = triangulate(positions)
+    sides = {
+        tuple(sorted((three[k], three[k - 1])))
+        for three in found.triangles.tolist()
+        for k in range(3)
+    }
+    assert [tuple(edge) for edge in found.edges().tolist()] == sorted(sides)
+    area = [turn(*exact(positions[three])) / 2 for three in found.triangles]
+    np.testing.assert_allclose(found.areas(positions), np.array(area, float), rtol=1e-9)
+
+
+def test_an_area_is_positive_where_rounding_would_make_it_zero():
+    """0.1, 0.2 and 0.3 are no multiples of one number in doubles."""
+    positions = np.array([[0.1, 0.3], [0.2, 0.6], [0.3, 0.9], [0.4, 1.2000000000000002]])
+    found = checked(positions)
+    assert len(found.triangles) == 2
+    area = np.array([turn(*exact(positions[three])) / 2 for three in found.triangles], float)
+    assert (area > 0).all()
+    np.testing.assert_allclose(found.areas(positions), area, rtol=1e-9)
+
+
+def test_parts_cover_the_vertices_and_stay_few(rng, parts):
+    for positions in (rng.normal(size=(3000, 2)), rng.integers(0, 40, (3000, 2)) * 1.0):
+        count = len(positions)
+        cut, row = np.empty(count, np.int16), np.empty(count, np.int32)
+        distinct = spatial_order(positions, np.empty(2 * count), row, cut, row.copy())
+        bounds = part_bounds(cut[:distinct], parts)
+        assert bounds[0] == 0
+        assert bounds[-1] == distinct
+        assert (np.diff(bounds) > 0).all()
+        assert parts <= len(bounds) - 1 < max(2, 2 * parts)
+
+
+@pytest.mark.parametrize("threads", ["1", "3"])
+def test_threads_change_nothing(monkeypatch, rng, threads):
+    positions = rng.normal(size=(20_000, 2))
+    plain = triangulate(positions)
+    monkeypatch.setenv("INTERVIS_THREADS", threads)
+    again = triangulate(positions)
+    for name in ("triangles", "opposite", "vertex"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(plain, name))
+
+
+@pytest.mark.realdata
+def test_a_real_scan_over_the_ground_and_in_angles(shared_data):
+    """All returns of a scan; in doubles, and in rational numbers where doubles could be wrong."""
+    frame = intervis.open_drive(shared_data / "kitti_object")[0]
+    xyz = np.asarray(frame.points[:, :3], np.float64)
+    angles = np.column_stack(
+        [np.arctan2(xyz[:, 1], xyz[:, 0]), np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))]
+    )
+    for positions in (xyz[:, :2], angles):
+        found = triangulate(positions)
+        distinct = np.unique(found.vertex)
+        assert len(distinct) == len(np.unique(positions, axis=0))
+        outside = np.count_nonzero(found.opposite < 0)
+        assert len(found.triangles) == 2 * len(distinct) - 2 - outside
+        area = found.areas(positions)
+        assert (area > 0).all()
+        assert area.sum() == pytest.approx(ConvexHull(positions).volume, rel=1e-12)
+        assert locally_delaunay(positions, found) > 0
+
+
+def locally_delaunay(positions, found):
+    """How many inner edges had to be judged in rational numbers; all have an empty circle."""
+    half = np.flatnonzero(found.opposite > np.arange(len(found.opposite)))
+    three = found.triangles[half // 3]
+    twin = found.opposite[half]
+    across = found.triangles.ravel()[np.where(twin % 3 == 0, twin + 2, twin - 1)]
+    a, b, c = (positions[three[:, k]] - positions[across] for k in range(3))
+    terms = [
+        (p**2).sum(axis=1)[:, None] * np.column_stack([q[:, 0] * r[:, 1], -q[:, 1] * r[:, 0]])
+        for p, q, r in ((a, b, c), (b, c, a), (c, a, b))
+    ]
+    det, size = np.sum(terms, axis=(0, 2)), np.abs(terms).sum(axis=(0, 2))
+    sure = np.abs(det) > 1e-14 * size
+    assert (det[sure] < 0).all()
+    for corners_of, fourth in zip(three[~sure], across[~sure], strict=True):
+        assert not inside(*exact(positions[[*corners_of, fourth]]))
+    return np.count_nonzero(~sure)

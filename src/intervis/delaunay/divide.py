@@ -7,8 +7,8 @@ outwards. It takes O(n log n) time in the worst case, and the cells keep its wor
 
 Edges are directed and come in pairs: ``edge ^ 1`` is the same edge, reversed. Four integers
 describe each edge: the next and the previous edge around its origin, counter-clockwise; its
-origin; and the half edge that it becomes in the result. A triangulation is known by an edge of its hull that has the
-outside on its left or, if it is a single vertex v, by ``~v``.
+origin; and the half edge that it becomes in the result. A triangulation is known by an edge of its
+hull that has the outside on its left or, if it is a single vertex v, by ``~v``.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from intervis.arrays import Float64Array, Int16Array, Int32Array, IntArray
-from intervis.delaunay.order import BY_SQUARE, DEEPEST, SQUARE
+from intervis.delaunay.order import BY_SQUARE, DEEPEST, SQUARE, place
 from intervis.delaunay.predicates import incircle, turn
 from intervis.kernels import kernel
 
@@ -108,14 +108,14 @@ def divide(
 
 
 @kernel
-def join_unused(links: Int32Array, bounds: IntArray, free: IntArray) -> int:
+def join_unused(links: Int32Array, bounds: IntArray, free: IntArray) -> Any:
     """Join the lists of unused edges of parts that had six edges for each vertex; the first."""
     first: Any = 0
     for part in range(len(free)):
         edge = free[part]
         while edge < 6 * bounds[part + 1]:  # behind its last edge, a part has none left
-            following = edge + 2 + links[4 * edge + NEXT]
-            links[4 * edge + NEXT] = first - edge - 2
+            following = edge + 2 + get(links, edge, NEXT)
+            put(links, edge, NEXT, first - edge - 2)
             edge, first = following, edge
     return first
 
@@ -123,17 +123,17 @@ def join_unused(links: Int32Array, bounds: IntArray, free: IntArray) -> int:
 @kernel
 def _side(links: Int32Array, xy: Float64Array, edge: int, vertex: int) -> float:
     """Positive if a vertex lies left of an edge, 0 if on its line."""
-    ax, ay = _place(xy, _get(links, edge, ORIGIN))
-    bx, by = _place(xy, _get(links, edge ^ 1, ORIGIN))
-    x, y = _place(xy, vertex)
+    ax, ay = place(xy, get(links, edge, ORIGIN))
+    bx, by = place(xy, get(links, edge ^ 1, ORIGIN))
+    x, y = place(xy, vertex)
     return turn(ax, ay, bx, by, x, y)
 
 
 @kernel
 def _triangle(links: Int32Array, edge: int, vertex: int, free: int) -> tuple[int, int]:
     """Join a single edge and a vertex on its left; an edge of the hull, and the unused edge."""
-    second, free = _new_edge(links, free, _get(links, edge ^ 1, ORIGIN), vertex)
-    third, free = _new_edge(links, free, vertex, _get(links, edge, ORIGIN))
+    second, free = _new_edge(links, free, get(links, edge ^ 1, ORIGIN), vertex)
+    third, free = _new_edge(links, free, vertex, get(links, edge, ORIGIN))
     _close(links, edge, third ^ 1)
     _close(links, second, edge ^ 1)
     _close(links, third, second ^ 1)
@@ -143,10 +143,10 @@ def _triangle(links: Int32Array, edge: int, vertex: int, free: int) -> tuple[int
 @kernel
 def _close(links: Int32Array, one: int, other: int) -> None:
     """Make two edges (or one) all that leave their origin."""
-    _set(links, one, NEXT, other)
-    _set(links, one, PREVIOUS, other)
-    _set(links, other, NEXT, one)
-    _set(links, other, PREVIOUS, one)
+    put(links, one, NEXT, other)
+    put(links, one, PREVIOUS, other)
+    put(links, other, NEXT, one)
+    put(links, other, PREVIOUS, one)
 
 
 @kernel
@@ -174,73 +174,70 @@ def _merge(
         return edge, free
     if first < 0 or second < 0:
         single, edge = (~first, second) if first < 0 else (~second, first)
-        if _get(links, edge, NEXT) == edge and _get(links, edge ^ 1, NEXT) == edge ^ 1:
+        if get(links, edge, NEXT) == edge and get(links, edge ^ 1, NEXT) == edge ^ 1:
             side = _side(links, xy, edge, single)
             if side != 0.0:
                 return _triangle(links, edge if side > 0.0 else edge ^ 1, single, free)
 
     across_y = (number & (SQUARE - 1)) >= BY_SQUARE and (number & 1) == 1
-    left, right = _lower_tangent(links, xy, first, second, across_y)
-    l: Any = _vertex(links, left)
-    r: Any = _vertex(links, right)
-    lx, ly = _place(xy, l)
-    rx, ry = _place(xy, r)
+    left_edge, right_edge = _lower_tangent(links, xy, first, second, across_y)
+    left: Any = _vertex(links, left_edge)
+    right: Any = _vertex(links, right_edge)
+    lx, ly = place(xy, left)
+    rx, ry = place(xy, right)
 
-    # The base runs from the right vertex r to the left vertex l; what lies below it is done.
-    base, free = _new_edge(links, free, r, l)
-    if right < 0:
+    # The base runs from the right vertex to the left one. What lies below it is complete.
+    base, free = _new_edge(links, free, right, left)
+    if right_edge < 0:
         _close(links, base, base)
     else:
-        _insert(links, base, right)
-    if left < 0:
+        _insert(links, base, right_edge)
+    if left_edge < 0:
         _close(links, base ^ 1, base ^ 1)
     else:
-        _insert(links, base ^ 1, _get(links, left, NEXT))
-
+        _insert(links, base ^ 1, get(links, left_edge, NEXT))
     while True:
-        # The neighbour of l that forms the next triangle, if the other side has no better one.
-        a_edge = _get(links, base ^ 1, NEXT)
-        a = _get(links, a_edge ^ 1, ORIGIN)
-        ax, ay = _place(xy, a)
+        # The third corner of the next triangle is a neighbour a of the left vertex or b of the
+        # right one: the neighbour above the base whose circle with the base holds none of the
+        # others. Edges to corners inside the circle are removed. Both sides are written out: a
+        # kernel for one of them is not inlined, and the calls cost half as much time again.
+        edge = base ^ 1
+        a_edge = get(links, edge, NEXT)
+        ax, ay = place(xy, get(links, a_edge ^ 1, ORIGIN))
         a_above = turn(lx, ly, rx, ry, ax, ay) > 0.0
-        if a_above:
-            while True:
-                edge = _get(links, a_edge, NEXT)
-                if edge == base ^ 1:
-                    break
-                c = _get(links, edge ^ 1, ORIGIN)
-                cx, cy = _place(xy, c)
-                if not incircle(lx, ly, rx, ry, ax, ay, cx, cy):
-                    break
-                free = _remove(links, a_edge, free)
-                a_edge, a, ax, ay = edge, c, cx, cy
-        b_edge = _get(links, base, PREVIOUS)
-        b = _get(links, b_edge ^ 1, ORIGIN)
-        bx, by = _place(xy, b)
+        while a_above:
+            following = get(links, a_edge, NEXT)
+            if following == edge:
+                break
+            x, y = place(xy, get(links, following ^ 1, ORIGIN))
+            if not incircle(lx, ly, rx, ry, ax, ay, x, y):
+                break
+            free = _remove(links, a_edge, free)
+            a_edge, ax, ay = following, x, y
+        b_edge = get(links, base, PREVIOUS)
+        bx, by = place(xy, get(links, b_edge ^ 1, ORIGIN))
         b_above = turn(lx, ly, rx, ry, bx, by) > 0.0
-        if b_above:
-            while True:
-                edge = _get(links, b_edge, PREVIOUS)
-                if edge == base:
-                    break
-                c = _get(links, edge ^ 1, ORIGIN)
-                cx, cy = _place(xy, c)
-                if not incircle(lx, ly, rx, ry, bx, by, cx, cy):
-                    break
-                free = _remove(links, b_edge, free)
-                b_edge, b, bx, by = edge, c, cx, cy
+        while b_above:
+            following = get(links, b_edge, PREVIOUS)
+            if following == base:
+                break
+            x, y = place(xy, get(links, following ^ 1, ORIGIN))
+            if not incircle(lx, ly, rx, ry, bx, by, x, y):
+                break
+            free = _remove(links, b_edge, free)
+            b_edge, bx, by = following, x, y
         if not a_above and not b_above:
             return base ^ 1, free
         if not a_above or (b_above and incircle(ax, ay, lx, ly, rx, ry, bx, by)):
-            edge, free = _new_edge(links, free, b, l)
+            right, rx, ry = get(links, b_edge ^ 1, ORIGIN), bx, by
+            edge, free = _new_edge(links, free, right, left)
             _insert(links, edge, b_edge ^ 1)
-            _insert(links, edge ^ 1, _get(links, base ^ 1, NEXT))
-            r, rx, ry = b, bx, by
+            _insert(links, edge ^ 1, get(links, base ^ 1, NEXT))
         else:
-            edge, free = _new_edge(links, free, r, a)
+            left, lx, ly = get(links, a_edge ^ 1, ORIGIN), ax, ay
+            edge, free = _new_edge(links, free, right, left)
             _insert(links, edge, base)
-            _insert(links, edge ^ 1, _get(links, a_edge ^ 1, NEXT))
-            l, lx, ly = a, ax, ay
+            _insert(links, edge ^ 1, get(links, a_edge ^ 1, NEXT))
         base = edge
 
 
@@ -256,20 +253,20 @@ def _lower_tangent(
     left: Any = _last(links, xy, first, across_y, 1.0)
     right: Any = _last(links, xy, second, across_y, -1.0)
     if right >= 0:
-        right = _get(links, right, NEXT)
+        right = get(links, right, NEXT)
     while True:
         if left >= 0 and _side(links, xy, left, _vertex(links, right)) > 0.0:
-            left = _get(links, left ^ 1, PREVIOUS)
+            left = get(links, left ^ 1, PREVIOUS)
         elif right >= 0 and _side(links, xy, right, _vertex(links, left)) < 0.0:
-            right = _get(links, right ^ 1, NEXT)
+            right = get(links, right ^ 1, NEXT)
         else:
             return left, right
 
 
 @kernel
-def _vertex(links: Int32Array, edge: int) -> int:
+def _vertex(links: Int32Array, edge: int) -> Any:
     """The origin of an edge, or the single vertex."""
-    return _get(links, edge, ORIGIN) if edge >= 0 else ~edge
+    return get(links, edge, ORIGIN) if edge >= 0 else ~edge
 
 
 @kernel
@@ -277,14 +274,12 @@ def _last(links: Int32Array, xy: Float64Array, edge: int, across_y: bool, sign: 
     """Of a hull, the edge at the last vertex in the order of `_rank`, which has one maximum."""
     if edge < 0:
         return edge
-    main, minor = _rank(xy, _get(links, edge, ORIGIN), across_y, sign)
+    main, minor = _rank(xy, get(links, edge, ORIGIN), across_y, sign)
     turned = False
     while True:
-        if turned:  # counter-clockwise along the hull
-            other = _get(links, edge, NEXT) ^ 1
-        else:
-            other = _get(links, edge ^ 1, PREVIOUS)
-        other_main, other_minor = _rank(xy, _get(links, other, ORIGIN), across_y, sign)
+        # Counter-clockwise along the hull if turned, clockwise before
+        other = get(links, edge, NEXT) ^ 1 if turned else get(links, edge ^ 1, PREVIOUS)
+        other_main, other_minor = _rank(xy, get(links, other, ORIGIN), across_y, sign)
         if other_main > main or (other_main == main and other_minor > minor):
             edge, main, minor = other, other_main, other_minor
         elif turned:
@@ -296,7 +291,7 @@ def _last(links: Int32Array, xy: Float64Array, edge: int, across_y: bool, sign: 
 @kernel
 def _rank(xy: Float64Array, vertex: int, across_y: bool, sign: float) -> tuple[float, float]:
     """What orders vertices: x, then y or, for a cut across y, y, then -x; reversed for sign -1."""
-    x, y = _place(xy, vertex)
+    x, y = place(xy, vertex)
     if across_y:
         return sign * y, -sign * x
     return sign * x, sign * y
@@ -305,51 +300,45 @@ def _rank(xy: Float64Array, vertex: int, across_y: bool, sign: float) -> tuple[f
 @kernel
 def _new_edge(links: Int32Array, free: int, origin: int, target: int) -> tuple[int, int]:
     """An edge that is not yet around its ends, and the next edge that is not in use."""
-    following = free + 2 + _get(links, free, NEXT)
-    _set(links, free, ORIGIN, origin)
-    _set(links, free, FACE, USED)
-    _set(links, free ^ 1, ORIGIN, target)
-    _set(links, free ^ 1, FACE, USED)
+    following = free + 2 + get(links, free, NEXT)
+    put(links, free, ORIGIN, origin)
+    put(links, free, FACE, USED)
+    put(links, free ^ 1, ORIGIN, target)
+    put(links, free ^ 1, FACE, USED)
     return free, following
 
 
 @kernel
 def _insert(links: Int32Array, edge: int, following: int) -> None:
     """Put an edge before another one, counter-clockwise around their origin."""
-    before = _get(links, following, PREVIOUS)
-    _set(links, edge, NEXT, following)
-    _set(links, edge, PREVIOUS, before)
-    _set(links, before, NEXT, edge)
-    _set(links, following, PREVIOUS, edge)
+    before = get(links, following, PREVIOUS)
+    put(links, edge, NEXT, following)
+    put(links, edge, PREVIOUS, before)
+    put(links, before, NEXT, edge)
+    put(links, following, PREVIOUS, edge)
 
 
 @kernel
 def _remove(links: Int32Array, edge: int, free: int) -> int:
     """Take an edge away from both of its ends; the first edge not in use."""
     for side in range(2):
-        following = _get(links, edge ^ side, NEXT)
-        before = _get(links, edge ^ side, PREVIOUS)
-        _set(links, before, NEXT, following)
-        _set(links, following, PREVIOUS, before)
-        _set(links, edge ^ side, FACE, UNUSED)
+        following = get(links, edge ^ side, NEXT)
+        before = get(links, edge ^ side, PREVIOUS)
+        put(links, before, NEXT, following)
+        put(links, following, PREVIOUS, before)
+        put(links, edge ^ side, FACE, UNUSED)
     edge = edge & ~1
-    _set(links, edge, NEXT, free - edge - 2)
+    put(links, edge, NEXT, free - edge - 2)
     return edge
 
 
 @kernel
-def _get(links: Int32Array, edge: int, which: int) -> int:
+def get(links: Int32Array, edge: int, which: int) -> Any:
     """One of the four integers of an edge. An unsigned index needs no test for negative ones."""
     return np.int64(links[np.uint64(4 * edge + which)])
 
 
 @kernel
-def _set(links: Int32Array, edge: int, which: int, value: int) -> None:
+def put(links: Int32Array, edge: int, which: int, value: int) -> None:
     """Change one of the four integers of an edge."""
     links[np.uint64(4 * edge + which)] = value
-
-
-@kernel
-def _place(xy: Float64Array, vertex: int) -> tuple[float, float]:
-    """The coordinates of a vertex."""
-    return xy[np.uint64(2 * vertex)], xy[np.uint64(2 * vertex + 1)]

@@ -184,7 +184,7 @@ def _minor_expansion(
     bx_low: float,
     by: float,
     by_low: float,
-) -> int:
+) -> Any:
     """Write the expansion of a x b; its length."""
     end = _add_product(sums, np.int64(0), ax_low, by_low)
     end = _add_product(sums, end, -ay_low, bx_low)
@@ -197,7 +197,7 @@ def _minor_expansion(
 
 
 @kernel
-def _square_expansion(sums: Float64Array, x: float, x_low: float, y: float, y_low: float) -> int:
+def _square_expansion(sums: Float64Array, x: float, x_low: float, y: float, y_low: float) -> Any:
     """Write the expansion of x^2 + y^2; its length."""
     end = _add_product(sums, np.int64(0), x_low, x_low)
     end = _add_product(sums, end, y_low, y_low)
@@ -208,14 +208,14 @@ def _square_expansion(sums: Float64Array, x: float, x_low: float, y: float, y_lo
 
 
 @kernel
-def _add_product(sums: Float64Array, end: int, a: float, b: float) -> int:
+def _add_product(sums: Float64Array, end: Any, a: float, b: float) -> Any:
     """Add a product to the expansion sums[:end]; its new length."""
     product, error = two_product(a, b)
     return _add(sums, _add(sums, end, error), product)
 
 
 @kernel
-def _add(sums: Float64Array, end: int, term: float) -> int:
+def _add(sums: Float64Array, end: int, term: float) -> Any:
     """Add a double to the expansion sums[:end], leaving zeros out; its new length."""
     kept: Any = 0
     carried = term

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from intervis.arrays import Float64Array, Int32Array, IntArray
-from intervis.delaunay.divide import FACE, ORIGIN, OUTSIDE, PREVIOUS, USED
+from intervis.delaunay.divide import FACE, ORIGIN, OUTSIDE, PREVIOUS, USED, get, put
 from intervis.delaunay.predicates import turn
 from intervis.kernels import kernel
 
@@ -24,9 +24,9 @@ def mark_outside(links: Int32Array, hull: int) -> Any:
     outside: Any = 0
     edge = hull
     while outside == 0 or edge != hull:
-        links[4 * edge + FACE] = OUTSIDE
+        put(links, edge, FACE, OUTSIDE)
         outside += 1
-        edge = np.int64(links[4 * (edge ^ 1) + PREVIOUS])
+        edge = get(links, edge ^ 1, PREVIOUS)
     return outside
 
 
@@ -48,19 +48,19 @@ def write_half_edges(
     """
     half: Any = 0
     for edge in range(len(links) // 4):
-        if links[4 * edge + FACE] != USED:
+        if get(links, edge, FACE) != USED:
             continue
         side = edge
         for _ in range(3):
-            links[4 * side + FACE] = half + 1  # 0 is for edges that are not in use
-            start[half] = row[links[4 * side + ORIGIN]]
-            twin = np.int64(links[4 * (side ^ 1) + FACE]) - 1
+            put(links, side, FACE, half + 1)  # 0 is for edges that are not in use
+            start[half] = row[get(links, side, ORIGIN)]
+            twin = get(links, side ^ 1, FACE) - 1
             if twin >= 0:
                 opposite[half], opposite[twin] = twin, half
             else:
                 opposite[half] = -1
             half += 1
-            side = np.int64(links[4 * (side ^ 1) + PREVIOUS])
+            side = get(links, side ^ 1, PREVIOUS)
 
 
 @kernel

@@ -25,17 +25,17 @@ SMALLEST = 2.0**-160
 """Scaled coordinates nearer to 0 count as 0, so that no product of four last bits underflows.
 They are 10^-108 times the largest coordinate."""
 
-CELLS = 65536
-"""Cells along the longer side of a bounding square: 16 cuts across each axis."""
+CELLS = 2048
+"""Cells along the longer side of a bounding square: 11 cuts across each axis."""
 
 ROW_BITS = 31
-"""Bits of a sort key below the 32 bits of the Morton number: the row."""
+"""Bits of a sort key below the 22 bits of the Morton number: the row."""
 
 DIGIT_BITS = 11
 DIGITS = 2048
-"""Morton numbers are sorted by three digits."""
+"""Morton numbers are sorted by two digits."""
 
-FEW = 32
+FEW = 16
 """At most this many positions of one cell are sorted by x, then y."""
 
 SQUARE = 64
@@ -47,7 +47,7 @@ BY_SQUARE = 16
 
 DEEPEST = 64
 """More than the bounding squares inside one another: between the largest and the smallest
-coordinate lie 412 bits, and each square takes 16 of them."""
+coordinate lie 412 bits, and each square takes 11 of them."""
 
 
 @kernel
@@ -69,7 +69,7 @@ def spatial_order(
         Receives the lowest row with the same position, for each row.
     """
     count = len(positions)
-    scaled = np.empty((count, 2))
+    scaled = np.empty(2 * count)
     if not _scale(positions, scaled):
         return -1
     for k in range(count):
@@ -77,14 +77,16 @@ def spatial_order(
     _divide(scaled, row, cut)
 
     distinct: Any = 0
+    last_x, last_y = 0.0, 0.0
     for k in range(count):
-        x, y = scaled[row[k], 0], scaled[row[k], 1]
-        if distinct > 0 and x == xy[2 * distinct - 2] and y == xy[2 * distinct - 1]:
+        x, y = place(scaled, row[k])
+        if distinct > 0 and x == last_x and y == last_y:
             vertex[row[k]] = row[distinct - 1]
             continue
         xy[2 * distinct], xy[2 * distinct + 1] = x, y
         vertex[row[k]] = row[k]
         row[distinct], cut[distinct] = row[k], cut[k]
+        last_x, last_y = x, y
         distinct += 1
     return distinct
 
@@ -105,7 +107,7 @@ def _scale(positions: Float64Array, scaled: Float64Array) -> bool:
     for k in range(len(positions)):
         for axis in range(2):
             value = positions[k, axis] * first * second
-            scaled[k, axis] = value if abs(value) >= SMALLEST else 0.0
+            scaled[2 * k + axis] = value if abs(value) >= SMALLEST else 0.0
     return True
 
 
@@ -114,7 +116,7 @@ def _divide(scaled: Float64Array, row: Int32Array, cut: Int16Array) -> None:
     """Put rows in order, and write the cut before each of them but the first."""
     count = len(row)
     key, other = np.empty(count, np.int64), np.empty(count, np.int64)
-    histogram = np.empty((3, DIGITS), np.int64)
+    histogram = np.empty((2, DIGITS), np.int64)
     # Cells of two positions or more that are not yet divided
     starts, stops = np.empty(count // 2 + 1, np.int64), np.empty(count // 2 + 1, np.int64)
     depths = np.empty(count // 2 + 1, np.int64)
@@ -136,7 +138,7 @@ def _divide(scaled: Float64Array, row: Int32Array, cut: Int16Array) -> None:
                 continue
             apart = (sorted_keys[k] ^ sorted_keys[k - 1]) >> ROW_BITS
             if apart > 0:
-                cut[k] = (DEEPEST - depth) * SQUARE + BY_SQUARE + frexp(float(apart))[1] - 1
+                cut[k] = (DEEPEST - depth) * SQUARE + BY_SQUARE + _highest_bit(apart)
                 if k - cell > 1:
                     starts[left], stops[left], depths[left] = cell, k, depth + 1
                     left += 1
@@ -156,10 +158,10 @@ def _number(
     stop: int,
 ) -> bool:
     """Write sort keys, and how often each digit occurs; False if all positions are the same."""
-    x_low, y_low = scaled[row[start], 0], scaled[row[start], 1]
+    x_low, y_low = place(scaled, row[start])
     x_high, y_high = x_low, y_low
     for k in range(start, stop):
-        x, y = scaled[row[k], 0], scaled[row[k], 1]
+        x, y = place(scaled, row[k])
         x_low, x_high = min(x_low, x), max(x_high, x)
         y_low, y_high = min(y_low, y), max(y_high, y)
     side = max(x_high - x_low, y_high - y_low)
@@ -169,37 +171,50 @@ def _number(
     per_unit = CELLS / side
     for k in range(start, stop):
         # Rounding is monotonic: positions in different columns or rows of cells are in this order.
-        column = min(np.int64((scaled[row[k], 0] - x_low) * per_unit), CELLS - 1)
-        line = min(np.int64((scaled[row[k], 1] - y_low) * per_unit), CELLS - 1)
+        x, y = place(scaled, row[k])
+        column = min(np.int64((x - x_low) * per_unit), CELLS - 1)
+        line = min(np.int64((y - y_low) * per_unit), CELLS - 1)
         morton = _spread(column) | (_spread(line) << 1)
         key[k] = (morton << ROW_BITS) | np.int64(row[k])
-        for digit in range(3):
+        for digit in range(2):
             histogram[digit, (morton >> (digit * DIGIT_BITS)) & (DIGITS - 1)] += 1
     return True
 
 
 @kernel
-def _spread(bits: int) -> int:
-    """Put a zero before each of 16 bits."""
-    bits = (bits | (bits << 8)) & 0x00FF00FF
-    bits = (bits | (bits << 4)) & 0x0F0F0F0F
-    bits = (bits | (bits << 2)) & 0x33333333
-    return (bits | (bits << 1)) & 0x55555555
+def place(xy: Float64Array, vertex: int) -> tuple[float, float]:
+    """The coordinates of a vertex. An unsigned index needs no test for negative ones."""
+    return xy[np.uint64(2 * vertex)], xy[np.uint64(2 * vertex + 1)]
+
+
+@kernel
+def _highest_bit(number: int) -> Any:
+    """Number of the highest bit that is set: the exponent of the double."""
+    return (np.float64(number).view(np.int64) >> 52) - 1023
+
+
+@kernel
+def _spread(bits: Any) -> Any:
+    """Put a zero before each of 11 bits."""
+    bits = (bits | (bits << 8)) & 0x0700FF
+    bits = (bits | (bits << 4)) & 0x070F0F
+    bits = (bits | (bits << 2)) & 0x133333
+    return (bits | (bits << 1)) & 0x155555
 
 
 @kernel
 def _sort(key: IntArray, other: IntArray, histogram: IntArray, start: int, stop: int) -> IntArray:
     """Sort keys by their Morton numbers, digit by digit; the array that holds the result."""
-    for digit in range(3):
+    for digit in range(2):
         shift = ROW_BITS + digit * DIGIT_BITS
-        place = histogram[digit]
+        end = histogram[digit]
         begin = np.int64(start)
         for d in range(DIGITS):
-            begin, place[d] = begin + place[d], begin
+            begin, end[d] = begin + end[d], begin
         for k in range(start, stop):
             d = (key[k] >> shift) & (DIGITS - 1)
-            other[place[d]] = key[k]
-            place[d] += 1
+            other[end[d]] = key[k]
+            end[d] += 1
         key, other = other, key
     return key
 
@@ -211,15 +226,15 @@ def _sort_few(
     """Sort a few rows by x, then y, copies by row, and cut them in halves again and again."""
     for k in range(start + 1, stop):
         moved = row[k]
-        x, y = scaled[moved, 0], scaled[moved, 1]
-        place: Any = k
-        while place > start:
-            before = row[place - 1]
-            if scaled[before, 0] < x or (scaled[before, 0] == x and scaled[before, 1] <= y):
+        x, y = place(scaled, moved)
+        to: Any = k
+        while to > start:
+            before_x, before_y = place(scaled, row[to - 1])
+            if before_x < x or (before_x == x and before_y <= y):
                 break
-            row[place] = before
-            place -= 1
-        row[place] = moved
+            row[to] = row[to - 1]
+            to -= 1
+        row[to] = moved
     for k in range(1, stop - start):
         halvings = 0
         while (k >> halvings) & 1 == 0:
