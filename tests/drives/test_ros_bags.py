@@ -276,6 +276,16 @@ def test_recordings_without_clouds_are_told(tmp_path, kind):
         open_drive(path, camera="front")
 
 
+@pytest.mark.parametrize("kind", FORMATS)
+def test_names_with_line_feeds_stay_on_one_line(tmp_path, kind):
+    path = recording_path(tmp_path, kind)
+    with Recorder(path, kind) as recorder:
+        recorder.write_odometry(moved(0, 0), 0, topic="/od\nom", child="a\nb")
+    with pytest.raises(DriveError, match=r"/od\?om") as caught:
+        open_drive(path)
+    assert "\n" not in str(caught.value)
+
+
 def only_file(path):
     return (
         path if path.is_file() else next(f for f in path.iterdir() if f.suffix in (".mcap", ".db3"))

@@ -76,7 +76,7 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     where several hold clouds), a folder of scans (optionally with ``poses.txt``; also a sequence of
     the DynamicMap benchmark and stations of 3DTK), PTX and E57 files with stations, LAS and LAZ
     files with a trajectory beside them, and a single
-    ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read when
+    ``.bin``, ``.cdr``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read when
     their frames are accessed. No file is unpickled or executed.
 
     Parameters
