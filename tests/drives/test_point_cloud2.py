@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from intervis.drives import open_drive
 from intervis.drives.point_cloud2 import decode_point_cloud2, point_cloud2_of, scan_of_cloud
 from intervis.errors import ScanError
 
@@ -201,6 +202,13 @@ def test_cdr_of_both_byte_orders(order, frame):
     assert scan_of_cloud(cloud, NAME).points.tolist() == [[1, 2, 3]]
 
 
+@pytest.mark.parametrize("name", ["a.cdr", "a.bin"])
+def test_a_message_in_a_file_of_its_own_is_a_scan(tmp_path, name):
+    (tmp_path / name).write_bytes(cdr())
+    for path in (tmp_path, tmp_path / name):
+        assert open_drive(path)[0].points.tolist() == [[1, 2, 3]]
+
+
 def test_every_cut_of_a_serialized_message_is_refused():
     whole = cdr()
     for length in range(len(whole) - 1):  # the last byte, is_dense, is not needed
@@ -214,6 +222,7 @@ def test_a_real_message(shared_data):
     content = path.read_bytes()
     cloud = decode_point_cloud2(content, "cdr", path)
     assert cloud.frame_id == "lidar_link"
+    assert len(open_drive(path.parent)[0].points) == 64_000
     scan = scan_of_cloud(cloud, path)
     # The points are the 64,000 steps of 26 bytes before the last four bytes: read by hand.
     rows = np.frombuffer(

@@ -162,6 +162,23 @@ def test_several_topics_are_named_and_one_is_chosen_below_the_path(tmp_path):
         open_drive(path / "nothing")
 
 
+@pytest.mark.parametrize("kind", ["sqlite3", "mcap"])
+def test_the_parts_of_a_split_recording_are_one_drive(tmp_path, kind):
+    """Frames alternate between two files; the transforms of both give the poses."""
+    for part in (0, 1):
+        with Recorder(tmp_path / f"part{part}", kind) as recorder:
+            for nth in range(part, 6, 2):
+                recorder.write_odometry(moved(nth, 0), nth * STEP_NS, child="velodyne")
+                recorder.write_cloud(room(nth), nth * STEP_NS)
+    stored = only_file(tmp_path / "part1")
+    stored.rename(tmp_path / "part0" / stored.name)
+    drive = open_drive(tmp_path / "part0")
+    for nth in range(6):
+        assert np.array_equal(drive[nth].points, room(nth))
+        assert np.allclose(drive[nth].pose, moved(nth, 0), rtol=0, atol=1e-6)
+    assert len(set(drive.scan_paths.values())) == 2
+
+
 def test_a_folder_of_recordings(tmp_path):
     for name in ("a", "b"):
         with Recorder(tmp_path / f"{name}.bag", "ros1") as recorder:
@@ -274,6 +291,16 @@ def test_recordings_without_clouds_are_told(tmp_path, kind):
         open_drive(path)
     with pytest.raises(DriveError, match="has no camera 'front'"):
         open_drive(path, camera="front")
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_names_with_line_feeds_stay_on_one_line(tmp_path, kind):
+    path = recording_path(tmp_path, kind)
+    with Recorder(path, kind) as recorder:
+        recorder.write_odometry(moved(0, 0), 0, topic="/od\nom", child="a\nb")
+    with pytest.raises(DriveError, match=r"/od\?om") as caught:
+        open_drive(path)
+    assert "\n" not in str(caught.value)
 
 
 def only_file(path):

@@ -142,14 +142,14 @@ def test_a_file_of_another_kind(tmp_path):
 
 def test_an_unknown_folder_names_the_expected_and_the_found_files(tmp_path):
     for number in range(12):
-        write_text(tmp_path / f"{number:02d}.laz", "")
+        write_text(tmp_path / f"{number:02d}.xyz", "")
     with pytest.raises(DriveError) as caught:
         open_drive(tmp_path)
     message = str(caught.value)
     for word in ("KITTI raw", "KITTI odometry", "KITTI object", "scans/", ".npy", ".pcd", ".ply"):
         assert word in message
-    assert message.endswith("Found: 00.laz, 01.laz, 02.laz, 03.laz, 04.laz, 05.laz, 06.laz, "
-                            "07.laz, ....")  # fmt: skip
+    assert message.endswith("Found: 00.xyz, 01.xyz, 02.xyz, 03.xyz, 04.xyz, 05.xyz, 06.xyz, "
+                            "07.xyz, ....")  # fmt: skip
 
 
 def test_of_many_drives_the_first_eight_are_listed(tmp_path):
@@ -163,8 +163,8 @@ def test_of_many_drives_the_first_eight_are_listed(tmp_path):
 
 def test_nine_found_files_are_eight_and_more(tmp_path):
     for number in range(9):
-        write_text(tmp_path / f"{number}.laz", "")
-    with pytest.raises(DriveError, match=r"Found: 0\.laz, .*, 7\.laz, \.\.\.\.$"):
+        write_text(tmp_path / f"{number}.xyz", "")
+    with pytest.raises(DriveError, match=r"Found: 0\.xyz, .*, 7\.xyz, \.\.\.\.$"):
         open_drive(tmp_path)
 
 
@@ -179,8 +179,8 @@ def test_a_folder_that_may_not_be_read_is_told_in_a_sentence(tmp_path, monkeypat
 
 def test_eight_found_files_are_listed_completely(tmp_path):
     for number in range(8):
-        write_text(tmp_path / f"{number}.laz", "")
-    with pytest.raises(DriveError, match=r"Found: 0\.laz, .*, 7\.laz\.$"):
+        write_text(tmp_path / f"{number}.xyz", "")
+    with pytest.raises(DriveError, match=r"Found: 0\.xyz, .*, 7\.xyz\.$"):
         open_drive(tmp_path)
 
 

@@ -26,7 +26,6 @@ from scipy.spatial.transform import Rotation
 
 from intervis.drives import nuscenes as nuscenes_layout
 from intervis.drives import open_drive
-from intervis.drives.point_cloud2 import decode_point_cloud2, scan_of_cloud
 from intervis.settings import Settings
 from intervis.transform import rigid
 
@@ -254,12 +253,6 @@ def cloud_message(folder: Path) -> Path:
     return path
 
 
-def read_message(folder: Path) -> int:
-    path = folder / "0.cdr"
-    cloud = decode_point_cloud2(path.read_bytes(), "cdr", path)
-    return len(scan_of_cloud(cloud, path).points)
-
-
 def ros_bag(kind: str, compression: str = "") -> Target:
     """A recording of two clouds with a tree of transforms and odometry."""
 
@@ -392,7 +385,7 @@ TARGETS = {
     "3dtk pose": stations_3dtk("scan001.pose"),
     "ptx": scan_file("0.ptx", ptx().encode()),
     **{f"nuScenes {name}": nuscenes(name) for name in NUSCENES_TABLES},
-    "PointCloud2": Target(cloud_message, read_message),
+    "PointCloud2": Target(cloud_message, read_whole_drive),
     "png": image("000000.png", lambda path: write_png(path, 24, 16, grey=77)),
     "jpeg": image("000000.jpg", save_jpeg),
     "settings": Target(settings_file, lambda folder: Settings.from_toml(folder / "settings.toml")),

@@ -75,9 +75,9 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     its tables), Argoverse 2 (a log), ROS 1 and ROS 2 bags and MCAP files (a topic below their path,
     where several hold clouds), a folder of scans (optionally with ``poses.txt``; also a sequence of
     the DynamicMap benchmark and stations of 3DTK), PTX and E57 files with stations, LAS and LAZ
-    files with a trajectory beside them, and a single
-    ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read when
-    their frames are accessed. No file is unpickled or executed.
+    files with a trajectory beside them, and a single ``.bin``, ``.cdr``, ``.npy``, ``.pcd``,
+    ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read when their frames are accessed. No
+    file is unpickled or executed.
 
     Parameters
     ----------

@@ -23,6 +23,7 @@ from intervis.drives.message_file import (
     Topic,
     chunk_records,
     kind_of,
+    topic_of,
 )
 from intervis.drives.regular_file import open_regular
 from intervis.errors import ScanError
@@ -181,7 +182,7 @@ class McapFile:
                 self._schemas[number] = _text(content)
                 return
             kind = self._schemas.get(int.from_bytes(_take(content, 2), "little"), "")
-            topic = f"/{_text(content).strip('/')}"
+            topic = topic_of(_text(content))
             self._topic_of[number] = topic
             self.topics[topic] = Topic(kind_of(kind), _text(content))
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.drives.regular_file import open_regular
-from intervis.drives.ros_encoding import Encoding
+from intervis.drives.ros_encoding import Encoding, readable
 from intervis.errors import MissingExtraError, ScanError
 
 MOST_CHUNK_BYTES = 2**28
@@ -87,8 +87,19 @@ def kind_of(name: str) -> str:
     >>> kind_of("sensor_msgs/msg/PointCloud2")
     'sensor_msgs/PointCloud2'
     """
-    parts = name.split("/")
+    parts = readable(name).split("/")
     return f"{parts[0]}/{parts[-1]}"
+
+
+def topic_of(name: str) -> str:
+    """A topic with one slash before it.
+
+    Examples
+    --------
+    >>> topic_of("lidar/points")
+    '/lidar/points'
+    """
+    return f"/{readable(name).strip('/')}"
 
 
 def read_span(path: Path, place: int, size: int) -> bytes:

@@ -20,6 +20,17 @@ LONGEST_NAME = 1000
 """Letters of the name of a frame or a field at most."""
 
 
+def readable(name: str) -> str:
+    r"""A name for one line of a message: what is not printable becomes a question mark.
+
+    Examples
+    --------
+    >>> readable("front\nlidar")
+    'front?lidar'
+    """
+    return "".join(letter if letter.isprintable() else "?" for letter in name)
+
+
 class Cursor:
     """A place in serialized bytes, behind what was read.
 
@@ -82,7 +93,7 @@ class Cursor:
         octets = bytes(self.octets())
         if len(octets) > LONGEST_NAME:
             raise ValueError("a name is too long")
-        return octets.removesuffix(b"\0").decode(errors="replace")
+        return readable(octets.removesuffix(b"\0").decode(errors="replace"))
 
     def header(self) -> tuple[int, str]:
         """``std_msgs/Header``: stamp in nanoseconds, and the name of the frame."""

@@ -23,6 +23,7 @@ from intervis.drives.message_file import (
     Topic,
     chunk_records,
     kind_of,
+    topic_of,
 )
 from intervis.drives.regular_file import open_regular
 from intervis.errors import ScanError
@@ -189,7 +190,7 @@ class Rosbag1File:
             if record.size > MOST_CONNECTION_BYTES:
                 raise DamageError(f"a connection at {record.start} has {record.size} bytes")
             kind = _fields(_span(source, record.place, record.size)).get("type", b"")
-            topic = f"/{record.text('topic').strip('/')}"
+            topic = topic_of(record.text("topic"))
             self._topic_of[record.number("conn")] = topic
             self.topics[topic] = Topic(kind_of(kind.decode(errors="replace")), "ros1")
 

@@ -15,6 +15,7 @@ from intervis.drives.message_file import (
     MOST_CHUNK_BYTES,
     Topic,
     kind_of,
+    topic_of,
     zstd_decompressor,
 )
 from intervis.drives.regular_file import open_regular
@@ -45,7 +46,7 @@ class Rosbag2Database:
         with self._opened() as database:
             rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
             for number, name, kind, encoding in rows.fetchmany(MOST_TOPICS):
-                topic = f"/{str(name).strip('/')}"
+                topic = topic_of(str(name))
                 self._numbers.setdefault(topic, []).append(int(number))
                 self.topics[topic] = Topic(kind_of(str(kind)), str(encoding))
             database.execute("SELECT topic_id, timestamp, data FROM messages LIMIT 1").fetchone()

@@ -10,6 +10,7 @@ from intervis.arrays import Float64Array
 from intervis.drives.float_columns import column_names, likely_width
 from intervis.drives.pcd_file import read_pcd
 from intervis.drives.ply_file import read_ply
+from intervis.drives.point_cloud2 import decode_point_cloud2, scan_of_cloud
 from intervis.drives.regular_file import open_regular
 from intervis.drives.scan import Scan, scan_of_rows
 from intervis.drives.threedtk import read_3d
@@ -20,11 +21,15 @@ log = logging.getLogger(__name__)
 X_RIGHT = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """file_from_velo of nuScenes' scanner: ahead is the file's y, left its -x."""
 
+CDR_START = b"\0\1\0\0"
+"""First bytes of a message in CDR, little-endian: as a coordinate 4e-43 m, which none is."""
+
 
 def read_bin(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
     """Read a KITTI scan: x, y, z and intensity of each point as little-endian float32.
 
-    Points of three, five or more numbers are recognised by the data, with a warning.
+    Points of three, five or more numbers are recognised by the data, with a warning. A serialized
+    message PointCloud2, which some tools save under this ending too, is recognised by its start.
 
     Raises
     ------
@@ -32,7 +37,18 @@ def read_bin(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
         The file holds no points, its size is not a multiple of a point's size, or its points have
         not four numbers and the data does not show how many.
     """
+    with open_regular(path) as file:
+        start = file.read(len(CDR_START))
+    if start == CDR_START:
+        return read_cdr(path, velo_from_file)
     return _read_float32_rows(path, 4, velo_from_file)
+
+
+def read_cdr(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
+    """Read one message ``sensor_msgs/PointCloud2`` in CDR, as ROS 2 sends it."""
+    with open_regular(path) as file:
+        content = file.read()
+    return scan_of_cloud(decode_point_cloud2(content, "cdr", path), path, velo_from_file)
 
 
 def read_nuscenes(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
@@ -75,6 +91,7 @@ def read_npy(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
 READERS: dict[str, Callable[[Path, Float64Array | None], Scan]] = {
     ".pcd.bin": read_nuscenes,
     ".bin": read_bin,
+    ".cdr": read_cdr,
     ".npy": read_npy,
     ".pcd": read_pcd,
     ".ply": read_ply,
