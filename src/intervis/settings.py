@@ -65,7 +65,8 @@ class Settings(BaseModel):
         is shorter than its distance to the centroid of its subgraph.
     criterion : {"elevation", "sight_angle", "sight_line"}
         What lines 6 and 8 compare: elevations z (the paper), elevation angles seen from the
-        viewpoint, or (not in the paper) ranges of the returns nearest in direction.
+        viewpoint, or (not in the paper) ranges of the returns nearest in direction. None of
+        them tells visible from hidden nodes reliably; `intervis.Scene` does.
 
     Raises
     ------

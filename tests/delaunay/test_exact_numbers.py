@@ -1,6 +1,7 @@
 """Orientation and in-circle tests, against rational numbers."""
 
 from fractions import Fraction
+from itertools import pairwise
 
 import exact_double
 import numpy as np
@@ -105,7 +106,7 @@ def test_expansions_are_exact_sums(numbers):
         end = exact._add_product(sums, end, number, number + 1.0)
     squares = [Fraction(number) * Fraction(number + 1.0) for number in numbers]
     assert sum((Fraction(part) for part in sums[:end]), Fraction(0)) == sum(squares)
-    assert all(abs(a) < abs(b) for a, b in zip(sums[: end - 1], sums[1:end], strict=False))
+    assert all(abs(a) < abs(b) for a, b in pairwise(sums[:end]))
 
 
 @given(coordinates, coordinates, coordinates, coordinates)

@@ -12,8 +12,8 @@ from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.cells import cells, exact_lines
 from intervis.lab.truth.label_check import check_labels
 from intervis.lab.truth.matrix import evaluate_cells, honestly_answerable
+from intervis.lab.truth.matrix_baselines import VIEWPOINTS, cell_query_sets, evaluate_baselines
 from intervis.lab.truth.methods import Method, Predictions
-from intervis.lab.truth.rivals import VIEWPOINTS, cell_query_sets, evaluate_rivals
 from intervis.lab.worlds.beam_pattern import PATTERNS
 from intervis.lab.worlds.places import PLACES
 from intervis.lab.worlds.ray_casting import RayCaster
@@ -70,7 +70,7 @@ def test_labels_of_surrounding_returns_are_right_and_others_are_not() -> None:
         assert 0 < checks[reference, True].occluded < checks[reference, False].occluded
 
 
-def test_rivals_answer_the_same_exactly_labelled_returns() -> None:
+def test_baselines_answer_the_same_exactly_labelled_returns() -> None:
     chosen = cells(["vlp-16"], ["upright"], ["hall"])
     first, again = (list(cell_query_sets(chosen, 3)) for _ in range(2))
     assert [one.label for one in first] == [f"vlp-16 upright hall {n}" for n in range(VIEWPOINTS)]
@@ -84,14 +84,14 @@ def test_rivals_answer_the_same_exactly_labelled_returns() -> None:
     answers = {one.viewpoint.tobytes(): one.visible for one in first}
     oracle = _method("oracle", lambda viewpoint, targets: answers[viewpoint.tobytes()] * 1.0)
     blind = _method("blind", lambda viewpoint, targets: np.ones(len(targets)))
-    result = evaluate_rivals(chosen, seed=3, methods=[oracle, blind])
+    result = evaluate_baselines(chosen, seed=3, methods=[oracle, blind])
     assert [one.mean.mcc for one in result.results] == [1.0, 0.0]
     assert result.target_count == sum(len(one.targets) for one in first)
 
 
-def test_labels_and_rivals_exclude_each_other() -> None:
+def test_labels_and_baselines_exclude_each_other() -> None:
     with pytest.raises(SettingsError, match="choose one of them"):
-        matrix(labels=True, rivals=True)
+        matrix(labels=True, baselines=True)
 
 
 def test_the_check_of_labels_takes_no_names() -> None:

@@ -155,6 +155,9 @@ def analyze(
 ) -> Analysis:
     """Intervisibility points, edges and region of one scan (Bai, Li and Cen 2021, Sec. 2).
 
+    The region is the paper's, not what the viewpoint sees: its nodes are visible hardly more often
+    than others (`docs/accuracy.md`). `intervis.Scene` answers what is visible.
+
     Parameters
     ----------
     points : (N, 3) or (N, 4) float array

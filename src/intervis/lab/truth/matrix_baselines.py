@@ -25,7 +25,7 @@ VIEWPOINTS, TARGETS = 2, 1000
 """Viewpoints of a cell, and targets of a viewpoint, at most."""
 
 
-def evaluate_rivals(
+def evaluate_baselines(
     chosen: Sequence[Cell],
     *,
     seed: int = 0,
