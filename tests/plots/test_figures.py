@@ -2,18 +2,22 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_hex
 from PIL import Image
 
 from intervis.drives import Frame
 from intervis.errors import MissingExtraError
 from intervis.method.analysis import Analysis, analyze
-from intervis.plots import figures
+from intervis.plots import figures, sight_figure
+from intervis.plots.style import FAINT, INTERVISIBLE, NODE
 from intervis.settings import Settings
+from intervis.sight import Sight
 from small_drive import CAMERA_CENTRE_VELO, MemoryDrive
 
 
@@ -96,6 +100,35 @@ def test_camera_dots_are_the_returns_in_view_where_they_project(with_camera):
     np.testing.assert_allclose(shown[np.lexsort(shown.T)], by_hand[order], atol=1e-3)
     # Far returns first, so that near ones are drawn over them.
     assert (np.diff(np.asarray(dots.get_array())) <= 0).all()
+
+
+def test_states_are_drawn_where_returns_project(with_camera, tmp_path):
+    frame, _ = with_camera
+    Image.new("RGB", (frame.camera.width_px, frame.camera.height_px)).save(tmp_path / "image.png")
+    frame = replace(frame, image_path=tmp_path / "image.png")
+    viewpoint, count = np.array([4.0, 1.0, 0.0]), len(frame.points)
+    state = np.arange(count, dtype=np.int8) % 3 - 1
+    places = np.full((count, 3), np.nan)
+    sight = Sight(state, np.full(count, 0.5), places, np.zeros(count), np.zeros(count))
+    image, above = sight_figure.sight_picture(frame, sight, viewpoint).axes
+    (dots,) = image.collections
+    x, y, z = (frame.points.astype(np.float64) - CAMERA_CENTRE_VELO).T
+    by_hand = np.column_stack([100 - 100 * y / x, 40 - 100 * z / x])[x > 0]
+    shown, order = np.asarray(dots.get_offsets()), np.lexsort(by_hand.T)
+    drawn = np.lexsort(shown.T)
+    np.testing.assert_allclose(shown[drawn], by_hand[order], atol=1e-3)
+    colours = [to_hex(colour) for colour in dots.get_facecolors()[drawn]]
+    names = {-1: FAINT, 0: NODE, 1: INTERVISIBLE}
+    assert colours == [names[one] for one in state[x > 0][order]]
+    legend = [text.get_text() for text in above.figure.legends[0].get_texts()]
+    assert [text.split(",")[0] for text in legend] == [
+        "unknown",
+        "occluded",
+        "visible",
+        "viewpoint",
+    ]
+    frame = replace(frame, image_path=None)
+    assert len(sight_figure.sight_picture(frame, sight, viewpoint).axes) == 1
 
 
 def test_the_borders_of_the_view_are_those_of_the_camera(with_camera):
