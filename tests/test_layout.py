@@ -20,7 +20,7 @@ LAYERS = (
     ("camera",),
     ("drives", "method", "sight"),
     ("live", "plots"),
-    ("run",),
+    ("run", "uses"),
     ("cli",),
     ("__init__", "__main__"),
 )
@@ -28,10 +28,11 @@ LAYERS = (
 
 SIGHT_LAYERS = (
     ("kernels",),
-    ("ground_map", "occupancy_model", "projected_scan"),
+    ("box_surface", "ground_map", "occupancy_model", "projected_scan"),
     ("sensor",),
     ("answers", "range_image"),
     ("reference", "scan_buffer", "sight"),
+    ("box_sight",),
     ("scene",),
     ("explanation",),
     ("__init__",),

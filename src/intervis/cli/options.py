@@ -37,6 +37,17 @@ def coordinates(text: str, option: str) -> tuple[float, float, float]:
     return x, y, z
 
 
+def place(text: str, option: str) -> str | tuple[float, float, float]:
+    """A name, ``camera`` or ``sensor``, unchanged, or coordinates.
+
+    Raises
+    ------
+    PointsError
+        The text is neither.
+    """
+    return text if text in ("camera", "sensor") else coordinates(text, option)
+
+
 def viewpoint(text: str) -> Any:
     """A named viewpoint, unchanged, or coordinates.
 

@@ -64,7 +64,7 @@ def sight(
     Prints its state, the probability that it is open, the blocker, and the clearance.
     """
     frame_range = options.frame_range(frames)
-    given_start, given_end = _place(start, "--from"), _place(end, "--to")
+    given_start, given_end = options.place(start, "--from"), options.place(end, "--to")
     options.check_picture_file(picture)
 
     import numpy as np
@@ -79,8 +79,8 @@ def sight(
         raise SettingsError(f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {risk}.")
     drive = open_drive(source, camera=camera)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
-    from_point = _in_frame(now, given_start, "--from")
-    to_point = _in_frame(now, given_end, "--to")
+    from_point = point_in_frame(now, given_start, "--from")
+    to_point = point_in_frame(now, given_end, "--to")
     numbers = _other_frames(drive, now, frame_range)
     with progress("scans", len(numbers) + 2) as advance:
         scene = registered_scene(drive, now, numbers, advance)
@@ -96,12 +96,8 @@ def sight(
         show(f"Picture: {picture}")
 
 
-def _place(text: str, option: str) -> str | Point:
-    """A name, unchanged, or coordinates."""
-    return text if text in ("camera", "sensor") else options.coordinates(text, option)
-
-
-def _in_frame(frame: "Frame", place: str | Point, option: str) -> Point:
+def point_in_frame(frame: "Frame", place: str | Point, option: str) -> Point:
+    """A place in the sensor frame, metres: coordinates, ``camera`` or ``sensor``."""
     from intervis.errors import DriveError
 
     if not isinstance(place, str):

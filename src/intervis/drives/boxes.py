@@ -33,6 +33,9 @@ class Box:
         The same for one object in all frames of a drive; empty where it is not known.
     returns : int or None
         Number of returns inside, as the data set states it; None where it does not.
+    visibility : str
+        What the data set says of it, in its own words: KITTI's ``occlusion 0`` (fully visible) to
+        ``occlusion 3`` (unknown), nuScenes' ``v0-40`` to ``v80-100``; empty where it says nothing.
     """
 
     velo_from_box: Float64Array = field(repr=False)
@@ -40,6 +43,7 @@ class Box:
     category: str
     track: str = ""
     returns: int | None = None
+    visibility: str = ""
 
 
 FROM_BOX = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -90,6 +94,7 @@ def kitti_boxes(path: Path, cam_from_velo: Float64Array, frame: int | None) -> t
                 np.array([length, width, height]),
                 words[before],
                 words[1] if before else "",
+                visibility=f"occlusion {numbers[before + 1]:.0f}",
             )
         )
     return tuple(boxes)

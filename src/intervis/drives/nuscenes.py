@@ -50,6 +50,9 @@ log = logging.getLogger(__name__)
 EXPECTED_FILES = "scene.json and sample_data.json, also under v1.0-*/ (nuScenes)"
 MAIN_SCANNER, MAIN_CAMERA = "LIDAR_TOP", "CAM_FRONT"
 IMAGE_WITHIN_NS = 100_000_000
+VISIBILITY = {"1": "v0-40", "2": "v40-60", "3": "v60-80", "4": "v80-100"}
+"""Levels of the table ``visibility``: per cent of an object that the cameras see."""
+
 """An image belongs to a sweep where it was taken within this time of it."""
 
 
@@ -241,6 +244,7 @@ def _box(folder: Path, record: Record, category: str, velo_from_world: Float64Ar
         category,
         text_of(table, record, "instance_token"),
         returns if isinstance(returns, int) and returns >= 0 else None,  # Lyft has -1
+        VISIBILITY.get(str(record.get("visibility_token")), ""),
     )
 
 

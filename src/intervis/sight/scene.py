@@ -19,6 +19,8 @@ from intervis.arrays import (
 )
 from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.answers import answer_lines, sum_lines
+from intervis.sight.box_sight import BoxSight, box_sight
+from intervis.sight.box_surface import facing_surfaces
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.kernels.parameters import Thresholds
 from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE, thresholds_for
@@ -278,6 +280,70 @@ class Scene:
         row, column = row[order], column[order]
         starts, ends = from_points[row], to_points[column]
         return row, column, self.sight_lines(starts, ends, risk=risk, moment_s=moment_s)
+
+    def sight_boxes(
+        self,
+        viewpoint: ArrayLike,
+        scene_from_box: ArrayLike,
+        size_m: ArrayLike,
+        *,
+        risk: float = DEFAULT_RISK,
+        moment_s: float | None = None,
+    ) -> BoxSight:
+        """Which share of objects in boxes is visible from a viewpoint.
+
+        Each object is judged by lines to points on the faces of its box that face the viewpoint.
+        The box is grown by 0.2 m, but not downwards: the lines end before the object's own returns.
+
+        Parameters
+        ----------
+        viewpoint : (3,) array
+            Scene frame, metres.
+        scene_from_box : (B, 4, 4) array
+            The boxes' frames: centre at the origin.
+        size_m : (B, 3) array
+            Length, width and height: along x, y and z of the box, metres.
+        risk, moment_s
+            See `sight`.
+
+        Returns
+        -------
+        BoxSight
+            Of B boxes.
+
+        Raises
+        ------
+        PointsError
+            The viewpoint is not finite, or a size is not positive and finite.
+        PoseError
+            A pose is not a rigid motion.
+        SceneError, SettingsError
+            As `sight`.
+
+        Examples
+        --------
+        Two cars behind a wall that is 2 m high, and one in front of it:
+
+        >>> y, z = np.meshgrid(np.arange(-9, 9, 0.05), np.arange(-1.8, 0.2, 0.05))
+        >>> wall = np.stack([np.full(y.size, 12.0), y.ravel(), z.ravel()], axis=1)
+        >>> poses = np.tile(np.eye(4), (3, 1, 1))
+        >>> poses[:, :3, 3] = [[20, 2, -1], [20, -3, -1], [8, 0, -1]]
+        >>> seen = Scene.from_scan(wall).sight_boxes([0, 0, 0], poses, [[4.2, 1.8, 1.5]] * 3)
+        >>> seen.occluded.round(1), seen.visible.round(1)
+        (array([1., 1., 0.]), array([0., 0., 1.]))
+        """
+        start = checked_point(viewpoint)
+        sizes = array_of(size_m, "size_m").astype(np.float64).reshape(-1, 3)
+        poses = [checked_pose(pose, "scene_from_box") for pose in np.asarray(scene_from_box)]
+        if len(poses) != len(sizes):
+            raise PointsError(
+                f"each box needs a pose and a size, got {len(poses)} poses and {len(sizes)} sizes."
+            )
+        if not (np.isfinite(sizes).all() and (sizes > 0.0).all()):
+            raise PointsError("the sizes of boxes must be positive and finite, in metres.")
+        surface = facing_surfaces(start, np.array(poses).reshape(-1, 4, 4), sizes)
+        sight = self.sight(start, surface.points, risk=risk, moment_s=moment_s)
+        return box_sight(start, surface, sight, len(sizes))
 
     def unobserved_length(
         self, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None
