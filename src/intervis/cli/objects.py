@@ -70,8 +70,8 @@ def objects(
                 of_frame = objects_of_frame(frame, scene, viewpoint)
                 found += of_frame
                 if picture is not None and not drawn:
-                    from intervis.plots.object_figure import object_picture
                     from intervis.plots.style import save_figure
+                    from intervis.uses.object_figure import object_picture
 
                     save_figure(
                         object_picture(frame, of_frame), picture, picture.suffix[1:].lower()
