@@ -16,10 +16,10 @@ ROOT = Path(intervis.__file__).parent
 LAYERS = (
     ("errors",),
     ("arrays", "kernels", "progress"),
-    ("directions", "files", "settings", "transform"),
+    ("delaunay", "directions", "files", "settings", "transform"),
     ("camera",),
     ("drives", "method", "sight"),
-    ("plots",),
+    ("live", "plots"),
     ("run",),
     ("cli",),
     ("__init__", "__main__"),

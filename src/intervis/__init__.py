@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from intervis.errors import ScanError as ScanError
     from intervis.errors import SceneError as SceneError
     from intervis.errors import SettingsError as SettingsError
+    from intervis.live import Stream as Stream
     from intervis.method.analysis import Analysis as Analysis
     from intervis.method.analysis import analyze as analyze
     from intervis.settings import Settings as Settings
@@ -53,6 +54,7 @@ _HOME = {
     "ScanError": "intervis.errors",
     "SceneError": "intervis.errors",
     "SettingsError": "intervis.errors",
+    "Stream": "intervis.live",
     "Analysis": "intervis.method.analysis",
     "analyze": "intervis.method.analysis",
     "Settings": "intervis.settings",
@@ -65,7 +67,7 @@ _HOME = {
     "VISIBLE": "intervis.sight",
     "explain": "intervis.sight",
 }
-_SUBPACKAGES = ("drives", "method", "plots", "run", "sight")
+_SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight")
 __all__ = [
     "OCCLUDED",
     "UNKNOWN",
@@ -90,6 +92,7 @@ __all__ = [
     "Settings",
     "SettingsError",
     "Sight",
+    "Stream",
     "__version__",
     "analyze",
     "explain",

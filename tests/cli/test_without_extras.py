@@ -8,7 +8,10 @@ import pytest
 
 from small_drive import scan_folder
 
-EXTRAS = ("embreex", "matplotlib", "PIL", "pypcd4", "lzf")
+EXTRAS = (
+    *("embreex", "matplotlib", "PIL", "pypcd4", "lzf", "pyarrow", "pye57"),
+    *("laspy", "lazrs", "lz4", "backports", "rosbags"),
+)
 PROGRAM = (
     f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))\n"
     "from intervis.cli import exit_code; sys.exit(exit_code(sys.argv[1:]))"

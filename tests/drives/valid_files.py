@@ -18,13 +18,17 @@ from drive_layouts import (
     write_scan,
     write_text,
 )
+from kitti_360_writer import NAME as KITTI_360
+from kitti_360_writer import write_drive as write_kitti_360
 from nuscenes_writer import write_scene
 from scanned_room import scanned_room
 from scipy.spatial.transform import Rotation
 
 from intervis.drives import nuscenes as nuscenes_layout
 from intervis.drives import open_drive
+from intervis.drives.point_cloud2 import decode_point_cloud2, scan_of_cloud
 from intervis.settings import Settings
+from intervis.transform import rigid
 
 
 class Target(NamedTuple):
@@ -237,6 +241,76 @@ def e57_file(folder: Path) -> Path:
     return path
 
 
+def cloud_message(folder: Path) -> Path:
+    """A PointCloud2 in CDR: rows of x, y, z as float32 and a time."""
+    points = room(40)
+    head = struct.pack("<iII5s3x", 3, 4, 5, b"roof\0") + struct.pack("<III", 2, 20, 4)
+    for nth, (name, kind) in enumerate(zip(b"xyzt", (7, 7, 7, 6), strict=True)):
+        head += struct.pack("<I2s2xIB3xI", 2, bytes([name, 0]), 4 * nth, kind, 1)
+    rows = np.column_stack([points, np.arange(40)]).astype("<f4").tobytes()
+    head += struct.pack("<B3xIII", 0, 16, 16 * 20, len(rows))
+    path = folder / "0.cdr"
+    path.write_bytes(b"\0\1\0\0" + head + rows + b"\0")
+    return path
+
+
+def read_message(folder: Path) -> int:
+    path = folder / "0.cdr"
+    cloud = decode_point_cloud2(path.read_bytes(), "cdr", path)
+    return len(scan_of_cloud(cloud, path).points)
+
+
+def ros_bag(kind: str, compression: str = "") -> Target:
+    """A recording of two clouds with a tree of transforms and odometry."""
+
+    def write(folder: Path) -> Path:
+        from bag_writer import Recorder, recording_path
+
+        path = recording_path(folder, kind)
+        with Recorder(path, kind, compression) as recorder:
+            recorder.write_transform("base_link", "velodyne", np.eye(4), 0, "/tf_static")
+            for nth in range(2):
+                moved = rigid(np.eye(3), [nth, 0, 0])
+                recorder.write_transform("odom", "base_link", moved, nth * 10**8)
+                recorder.write_odometry(moved, nth * 10**8)
+                recorder.write_cloud(room(40), nth * 10**8)
+        if kind == "ros1":
+            return path
+        (stored,) = (file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
+        return stored
+
+    return Target(
+        write,
+        lambda folder: read_whole_drive(folder / ("drive.bag" if kind == "ros1" else "drive")),
+    )
+
+
+def kitti_360(name: str) -> Target:
+    def write(folder: Path) -> Path:
+        write_kitti_360(folder)
+        return folder / name
+
+    return Target(write, read_whole_drive)
+
+
+def las(name: str) -> Target:
+    """Points of half a second, and where the scanner was."""
+
+    def write(folder: Path) -> Path:
+        import laspy
+
+        points = room(80)
+        file = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+        file.x, file.y, file.z = points.T
+        file.gps_time = 5 + np.linspace(0, 0.5, len(points))
+        stored = name if name != "0.txt" else "0.las"
+        file.write(str(folder / stored))
+        write_text(folder / "0.txt", "time x y z\n4 0 0 1\n5 1.5 0 1\n6 3 0.5 1\n")
+        return folder / name
+
+    return Target(write, read_whole_drive)
+
+
 NUSCENES_TABLES = (
     "scene",
     "sample",
@@ -310,10 +384,15 @@ TARGETS = {
     "object labels": kitti_labels(),
     "tracking labels": tracking("label_02/0000.txt", f"0 3 {LABEL}\n0 -1 {LABEL}\n1 3 {LABEL}\n"),
     "object calibration": kitti_object("calib/000000.txt"),
+    "KITTI-360 poses": kitti_360(f"data_poses/{KITTI_360}/poses.txt"),
+    "KITTI-360 scanner": kitti_360("calibration/calib_cam_to_velo.txt"),
+    "KITTI-360 places": kitti_360("calibration/calib_cam_to_pose.txt"),
+    "KITTI-360 cameras": kitti_360("calibration/perspective.txt"),
     "3dtk": stations_3dtk("scan001.3d"),
     "3dtk pose": stations_3dtk("scan001.pose"),
     "ptx": scan_file("0.ptx", ptx().encode()),
     **{f"nuScenes {name}": nuscenes(name) for name in NUSCENES_TABLES},
+    "PointCloud2": Target(cloud_message, read_message),
     "png": image("000000.png", lambda path: write_png(path, 24, 16, grey=77)),
     "jpeg": image("000000.jpg", save_jpeg),
     "settings": Target(settings_file, lambda folder: Settings.from_toml(folder / "settings.toml")),
@@ -328,4 +407,16 @@ if find_spec("pyarrow"):  # extra argoverse
     }
 if find_spec("pye57"):  # extra e57
     TARGETS["e57"] = Target(e57_file, read_whole_drive)
+if find_spec("rosbags"):  # writes the recordings, with the libraries of the extra ros
+    TARGETS |= {
+        "ros1 bag": ros_bag("ros1"),
+        "ros1 bag lz4": ros_bag("ros1", "lz4"),
+        "ros2 database": ros_bag("sqlite3"),
+        "ros2 database zstd": ros_bag("sqlite3", "message"),
+        "mcap": ros_bag("mcap"),
+        "mcap zstd": ros_bag("mcap", "storage"),
+    }
+if find_spec("laspy") and find_spec("lazrs"):  # extra las
+    TARGETS |= {name: las(f"0.{name}") for name in ("las", "laz")}
+    TARGETS["trajectory"] = las("0.txt")
 """Targets by name."""

@@ -1,5 +1,6 @@
 """The matrix on a wall whose lines are labelled by hand."""
 
+from collections.abc import Callable
 from itertools import islice
 
 import numpy as np
@@ -7,9 +8,12 @@ import pytest
 
 from intervis.errors import SettingsError
 from intervis.lab.cli.matrix import matrix
+from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.cells import cells, exact_lines
 from intervis.lab.truth.label_check import check_labels
 from intervis.lab.truth.matrix import evaluate_cells, honestly_answerable
+from intervis.lab.truth.methods import Method, Predictions
+from intervis.lab.truth.rivals import VIEWPOINTS, cell_query_sets, evaluate_rivals
 from intervis.lab.worlds.beam_pattern import PATTERNS
 from intervis.lab.worlds.places import PLACES
 from intervis.lab.worlds.ray_casting import RayCaster
@@ -66,6 +70,30 @@ def test_labels_of_surrounding_returns_are_right_and_others_are_not() -> None:
         assert 0 < checks[reference, True].occluded < checks[reference, False].occluded
 
 
+def test_rivals_answer_the_same_exactly_labelled_returns() -> None:
+    chosen = cells(["vlp-16"], ["upright"], ["hall"])
+    first, again = (list(cell_query_sets(chosen, 3)) for _ in range(2))
+    assert [one.label for one in first] == [f"vlp-16 upright hall {n}" for n in range(VIEWPOINTS)]
+    for one, other in zip(first, again, strict=True):
+        assert np.array_equal(one.targets, other.targets)
+        caster = PLACES["hall"](3).caster
+        hit_m = caster.first_hit(np.tile(one.viewpoint, (len(one.targets), 1)), one.targets)
+        missing_m = np.linalg.norm(one.targets - one.viewpoint, axis=1) - hit_m
+        assert missing_m[one.visible].max() < 0.5 < missing_m[~one.visible].max()
+    # A method that knows the labels scores 1, and one that knows nothing 0.
+    answers = {one.viewpoint.tobytes(): one.visible for one in first}
+    oracle = _method("oracle", lambda viewpoint, targets: answers[viewpoint.tobytes()] * 1.0)
+    blind = _method("blind", lambda viewpoint, targets: np.ones(len(targets)))
+    result = evaluate_rivals(chosen, seed=3, methods=[oracle, blind])
+    assert [one.mean.mcc for one in result.results] == [1.0, 0.0]
+    assert result.target_count == sum(len(one.targets) for one in first)
+
+
+def test_labels_and_rivals_exclude_each_other() -> None:
+    with pytest.raises(SettingsError, match="choose one of them"):
+        matrix(labels=True, rivals=True)
+
+
 def test_the_check_of_labels_takes_no_names() -> None:
     with pytest.raises(SettingsError, match="leave out the names"):
         matrix(scanners="vlp-16", labels=True)
@@ -74,6 +102,13 @@ def test_the_check_of_labels_takes_no_names() -> None:
 def test_an_unknown_name_is_refused() -> None:
     with pytest.raises(SettingsError, match="'vlp' is not one of"):
         matrix(scanners="vlp")
+
+
+def _method(name: str, answer: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Method:
+    def predict(inputs: InputScans, viewpoint: np.ndarray, targets: np.ndarray) -> Predictions:
+        return Predictions(answer(viewpoint, targets), None, 0.0, 0.0)
+
+    return Method(name, "default", predict)
 
 
 def _up(height_m: float) -> np.ndarray:

@@ -15,6 +15,7 @@ DONE, SOME_FRAMES_FAILED, WRONG_REQUEST, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 
 COMMANDS = {
     "run": "intervis.cli.run",
     "sight": "intervis.cli.sight",
+    "replay": "intervis.cli.replay",
     "evaluate": "intervis.lab.cli.evaluate",
     "reproduce": "intervis.lab.cli.reproduce",
     "interpretations": "intervis.lab.cli.reproduce",

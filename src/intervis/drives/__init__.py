@@ -12,12 +12,15 @@ from typing import NamedTuple
 from intervis.drives import (
     argoverse,
     e57_stations,
+    kitti_360,
     kitti_object,
     kitti_odometry,
     kitti_raw,
     kitti_tracking,
+    las_mapping,
     nuscenes,
     ptx_stations,
+    ros_bag,
     scan_folder,
     single_scan,
 )
@@ -38,6 +41,7 @@ class _Layout(NamedTuple):
 _LAYOUTS = tuple(
     _Layout(module.EXPECTED_FILES, module.find_roots, module.read_drive)
     for module in (
+        kitti_360,
         kitti_raw,
         kitti_odometry,
         kitti_tracking,
@@ -47,13 +51,17 @@ _LAYOUTS = tuple(
         scan_folder,
         ptx_stations,
         e57_stations,
+        ros_bag,
+        las_mapping,
     )
 )
 
 
-_STATION_FILES: dict[str, Callable[[Path, str | None], Drive]] = {
+_FILE_READERS: dict[str, Callable[[Path, str | None], Drive]] = {
     ptx_stations.ENDING: ptx_stations.read_drive,
     e57_stations.ENDING: e57_stations.read_drive,
+    **dict.fromkeys(ros_bag.READERS, ros_bag.read_drive),
+    **dict.fromkeys(las_mapping.ENDINGS, las_mapping.read_drive),
 }
 """Readers of files that hold several scans, by the ending of the file's name."""
 
@@ -63,11 +71,13 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
 
     Known layouts: KITTI raw (the drive's folder, or a date with one drive in it), KITTI odometry
     and SemanticKITTI (a sequence), KITTI tracking (``training/velodyne/NNNN``), KITTI object
-    (``training``), nuScenes (a scene's name below the folder of its tables), Argoverse 2 (a log),
-    a folder of scans (optionally with ``poses.txt``; also a sequence of the DynamicMap benchmark
-    and stations of 3DTK), PTX and E57 files with stations, and a single ``.bin``, ``.npy``,
-    ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read
-    when their frames are accessed. No file is unpickled or executed.
+    (``training``), KITTI-360 (``data_3d_raw/NAME``), nuScenes (a scene's name below the folder of
+    its tables), Argoverse 2 (a log), ROS 1 and ROS 2 bags and MCAP files (a topic below their path,
+    where several hold clouds), a folder of scans (optionally with ``poses.txt``; also a sequence of
+    the DynamicMap benchmark and stations of 3DTK), PTX and E57 files with stations, LAS and LAZ
+    files with a trajectory beside them, and a single
+    ``.bin``, ``.npy``, ``.pcd``, ``.pcd.bin`` (nuScenes), ``.ply`` or ``.3d``. Scans are read when
+    their frames are accessed. No file is unpickled or executed.
 
     Parameters
     ----------
@@ -108,13 +118,16 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
         given = Path(path)
     try:
         if "\0" in str(given) or not given.exists():
-            scene = None if "\0" in str(given) else nuscenes.find_scene(given)
-            if scene is not None:
-                return nuscenes.read_drive(scene.resolve(), camera)
+            if "\0" not in str(given):
+                scene, topic = nuscenes.find_scene(given), ros_bag.find_topic(given.absolute())
+                if scene is not None:
+                    return nuscenes.read_drive(scene.resolve(), camera)
+                if topic is not None:
+                    return ros_bag.read_drive(topic.resolve(), camera)
             raise DriveError(f"there is nothing at {given}: check the path.")
         root = given.resolve()
         if root.is_file():
-            read_file = _STATION_FILES.get(root.suffix.lower(), single_scan.read_drive)
+            read_file = _FILE_READERS.get(root.suffix.lower(), single_scan.read_drive)
             return read_file(root, camera)
         return _open_folder(root, camera)
     except OSError as error:

@@ -8,7 +8,6 @@ the points of the frame. Images are shipped without distortion. Source: av2-api.
 """
 
 import logging
-from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ from intervis.drives.camera_choice import pick_named_camera
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
 from intervis.drives.pcd_file import rotation_of_quaternion
+from intervis.drives.pose_track import PoseTrack, nearest_time
 from intervis.drives.regular_file import open_regular
 from intervis.drives.scan import Scan, coordinates, scan_of_rows
 from intervis.drives.vehicle_axes import sensor_from_velo
@@ -46,9 +46,6 @@ SCANNERS = {"up_lidar": (0, 32), "down_lidar": (32, 64)}
 MAIN_CAMERA = "ring_front_center"
 IMAGE_WITHIN_NS = 100_000_000
 """An image belongs to a sweep where it was taken within this time of it."""
-
-POSE_WITHIN_NS = 1_000_000_000
-"""Poses farther apart in time are not interpolated."""
 
 FARTHEST_M = 1e9
 
@@ -91,7 +88,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     trajectory, pose_files = None, []
     pose_path = root / "city_SE3_egovehicle.feather"
     if pose_path.is_file():
-        trajectory, pose_files = _Trajectory.read(pose_path), [pose_path]
+        trajectory, pose_files = _trajectory(pose_path), [pose_path]
     poses = {}
     for number, (time_ns, _) in enumerate(sweeps):
         world_from_ego = trajectory.at(time_ns) if trajectory else None
@@ -134,6 +131,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         metadata_files=(*sorted((root / "calibration").glob("*.feather")), *pose_files),
         read=reader,
         scanner="up_lidar",
+        is_deskewed=True,  # the points of a sweep are in the vehicle frame at its time
         read_other_scans=_OtherScans(reader, tuple(time_ns for time_ns, _ in sweeps)),
         read_boxes=_Boxes(
             annotations, reader.ego_from_velo("up_lidar"), tuple(time_ns for time_ns, _ in sweeps)
@@ -145,10 +143,8 @@ def read_drive(root: Path, camera: str | None) -> Drive:
 
 def _nearest(times_ns: Sequence[int], time_ns: int) -> int | None:
     """The time nearest to another within `IMAGE_WITHIN_NS`; None where there is none."""
-    place = bisect_left(times_ns, time_ns)
-    around = times_ns[max(0, place - 1) : place + 1]
-    best = min(around, key=lambda t: abs(t - time_ns), default=None)
-    return best if best is not None and abs(best - time_ns) <= IMAGE_WITHIN_NS else None
+    place = nearest_time(times_ns, time_ns, IMAGE_WITHIN_NS)
+    return None if place is None else times_ns[place]
 
 
 # --- tables ---
@@ -218,52 +214,15 @@ def _places(path: Path) -> dict[str, Float64Array]:
     return dict(zip(_names(path, rows), _motions(path, rows), strict=True))
 
 
-@dataclass(frozen=True, eq=False)
-class _Trajectory:
-    """world_from_ego at rising times."""
-
-    times_ns: NDArray[np.int64]
-    poses: tuple[Float64Array, ...]
-
-    @classmethod
-    def read(cls, path: Path) -> "_Trajectory":
-        """Read ``city_SE3_egovehicle.feather``."""
-        rows = _read_feather(path, CalibrationError)
-        if "timestamp_ns" not in (rows.dtype.names or ()) or rows["timestamp_ns"].dtype.kind != "i":
-            raise CalibrationError(f"{path} has no times in whole nanoseconds.")
-        times_ns = rows["timestamp_ns"].astype(np.int64)
-        order = np.argsort(times_ns, kind="stable")
-        motions = _motions(path, rows)
-        return cls(times_ns[order], tuple(motions[place] for place in order))
-
-    def at(self, time_ns: int) -> Float64Array | None:
-        """The pose at a time, interpolated; None where no poses lie around it."""
-        place = int(np.searchsorted(self.times_ns, time_ns))
-        if place < len(self.times_ns) and self.times_ns[place] == time_ns:
-            return self.poses[place]
-        if place in (0, len(self.times_ns)):
-            return None
-        before_ns, after_ns = (int(self.times_ns[nth]) for nth in (place - 1, place))
-        if after_ns - before_ns > POSE_WITHIN_NS:
-            return None
-        share = (time_ns - before_ns) / (after_ns - before_ns)
-        return interpolated(self.poses[place - 1], self.poses[place], share)
-
-
-def interpolated(first: Float64Array, last: Float64Array, share: float) -> Float64Array:
-    """The pose at a share of the way between two: positions on a line, rotations at even speed.
-
-    Examples
-    --------
-    >>> turned = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [2.0, 0, 0])  # 90 degrees about z
-    >>> interpolated(np.eye(4), turned, 1 / 3).round(3)[:2].tolist()  # 30 degrees
-    [[0.866, -0.5, 0.0, 0.667], [0.5, 0.866, 0.0, 0.0]]
-    """
-    from scipy.spatial.transform import Rotation  # 0.4 s to import: only where it is needed
-
-    turn = Rotation.from_matrix(first[:3, :3].T @ last[:3, :3]).as_rotvec()
-    rotation = first[:3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
-    return rigid(rotation, (1 - share) * first[:3, 3] + share * last[:3, 3])
+def _trajectory(path: Path) -> PoseTrack:
+    """Read ``city_SE3_egovehicle.feather``: world_from_ego."""
+    rows = _read_feather(path, CalibrationError)
+    if "timestamp_ns" not in (rows.dtype.names or ()) or rows["timestamp_ns"].dtype.kind != "i":
+        raise CalibrationError(f"{path} has no times in whole nanoseconds.")
+    times_ns = rows["timestamp_ns"].astype(np.int64)
+    order = np.argsort(times_ns, kind="stable")
+    motions = _motions(path, rows)
+    return PoseTrack(times_ns[order], tuple(motions[place] for place in order))
 
 
 # --- scanners ---
@@ -401,7 +360,7 @@ class _Calibrations:
     ego_from_velo: Float64Array
     image_times_ns: Mapping[int, int]
     world_from_ego: Mapping[int, Float64Array]
-    trajectory: _Trajectory | None
+    trajectory: PoseTrack | None
 
     def __call__(self, number: int) -> CameraCalibration:
         ego_from_ego = np.eye(4)  # of the image from that of the sweep

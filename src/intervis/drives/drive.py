@@ -7,15 +7,18 @@ import operator
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.drives.boxes import Box
 from intervis.drives.calibration import CameraCalibration
 from intervis.drives.frame import Frame, ScannerScan
+from intervis.drives.pose_track import PoseTrack
 from intervis.drives.regular_file import open_regular
 from intervis.drives.scan import Scan
 from intervis.drives.scan_file import read_scan
@@ -39,8 +42,9 @@ class Drive:
     name : str
         The folder's (or file's) name.
     layout : str
-        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``nuscenes``,
-        ``argoverse``, ``e57_stations``, ``ptx_stations``, ``scan_folder`` or ``single_scan``.
+        ``kitti_raw``, ``kitti_odometry``, ``kitti_object``, ``kitti_tracking``, ``kitti_360``,
+        ``nuscenes``, ``argoverse``, ``ros_bag``, ``las_mapping``, ``e57_stations``,
+        ``ptx_stations``, ``scan_folder`` or ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
         Files by frame number; a frame may have no image.
     camera_names : tuple of str
@@ -66,6 +70,8 @@ class Drive:
         Reads the scans of the other scanners at the moment of a frame.
     read_boxes : function of a frame number to tuple of Box, or None
         Reads the boxes of the objects at the moment of a frame.
+    is_deskewed : bool
+        Whether the files hold points that were moved to the time of their scan already.
     frame_numbers : tuple of int
         Numbers of the frames that have a scan, sorted.
     """
@@ -86,6 +92,7 @@ class Drive:
     scanner: str = ""
     read_other_scans: Callable[[int], tuple[ScannerScan, ...]] | None = None
     read_boxes: Callable[[int], tuple[Box, ...]] | None = None
+    is_deskewed: bool = False
     frame_numbers: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -97,7 +104,10 @@ class Drive:
             frames = f"{len(numbers):,} frames {numbers[0]}-{numbers[-1]}"
         else:
             frames = f"frame {numbers[0]}" if numbers else "no frames"
-        known = [self.layout.replace("kitti", "KITTI").replace("_", " "), frames]
+        known = [
+            self.layout.replace("kitti", "KITTI").replace("ros", "ROS").replace("_", " "),
+            frames,
+        ]
         if self.camera_name is not None:
             known.append(f"camera {self.camera_name}")
         known += ["poses"] if self.poses else []
@@ -180,6 +190,19 @@ class Drive:
                 partial(self.read_other_scans, number) if self.read_other_scans else None
             ),
             read_boxes=partial(self.read_boxes, number) if self.read_boxes else None,
+            pose_track=self._pose_track,
+            is_deskewed=self.is_deskewed,
+        )
+
+    @cached_property
+    def _pose_track(self) -> PoseTrack | None:
+        """The poses of frames with times; None with fewer than two."""
+        times_ns = {self.timestamps_ns[n]: n for n in self.poses or () if n in self.timestamps_ns}
+        if self.poses is None or len(times_ns) < 2:
+            return None
+        rising = sorted(times_ns)
+        return PoseTrack.over_gaps(
+            np.array(rising, np.int64), [self.poses[times_ns[time_ns]] for time_ns in rising]
         )
 
     def fingerprint(self) -> dict[str, Any]:

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from intervis.arrays import Float32Array, Float64Array
 from intervis.camera import Camera, default_viewpoint
 from intervis.drives.boxes import Box
+from intervis.drives.deskew import TIME_NAMES, deskewed_points, point_times_ns
 from intervis.drives.image_file import checked_image_size_px
 from intervis.drives.point_labels import read_labels
+from intervis.drives.pose_track import PoseTrack
 from intervis.errors import DriveError, MissingExtraError
 
 
@@ -75,6 +77,10 @@ class Frame:
         Reads the scans of the other scanners: see `scans`.
     read_boxes : function, or None
         Reads the boxes of the objects: see `boxes`.
+    pose_track : PoseTrack or None
+        The poses of the drive over time, for `deskewed`.
+    is_deskewed : bool
+        Whether the files hold points that were moved to the scan's time already.
 
     Examples
     --------
@@ -95,6 +101,8 @@ class Frame:
     scanner: str = ""
     read_other_scans: Callable[[], tuple[ScannerScan, ...]] | None = None
     read_boxes: Callable[[], tuple[Box, ...]] | None = None
+    pose_track: PoseTrack | None = None
+    is_deskewed: bool = False
 
     @property
     def timestamp_s(self) -> float | None:
@@ -132,6 +140,52 @@ class Frame:
         """
         main = ScannerScan(self.scanner, self.points, self.attributes, self.pose, self.timestamp_ns)
         return (main, *(self.read_other_scans() if self.read_other_scans else ()))
+
+    @property
+    def point_times_ns(self) -> NDArray[np.int64] | None:
+        """(N,) time of each point, nanoseconds, on the clock of `timestamp_ns`.
+
+        From the attribute that holds times (``t``, ``time``, ``timestamp``, ``offset_ns`` ...);
+        their span tells the unit. None where there is none.
+
+        Raises
+        ------
+        DriveError
+            The times span no sweep in any unit, or are on another clock than the scan's time.
+        """
+        return point_times_ns(self.attributes, self.timestamp_ns)
+
+    def deskewed(self) -> Float32Array:
+        """The points as from one place: the scanner's at the scan's time, `timestamp_ns`.
+
+        A scanner moves while it scans. Each point is moved by the motion between its own time and
+        the scan's. Files that hold such points already are returned as they are.
+
+        Returns
+        -------
+        (N, 3) float32 array
+            In the scanner's frame at the scan's time, metres; the rows of `points`.
+
+        Raises
+        ------
+        DriveError
+            The points or the scan have no times, the drive has no poses with times, or these do
+            not cover the scan.
+        """
+        if self.is_deskewed:
+            return self.points
+        times_ns = self.point_times_ns
+        if times_ns is None or self.timestamp_ns is None:
+            raise DriveError(
+                f"frame {self.number} cannot be deskewed: it needs a time of the scan and of each"
+                f" point, as one of the attributes {', '.join(TIME_NAMES)}."
+            )
+        if self.pose_track is None:
+            raise DriveError(
+                f"frame {self.number} cannot be deskewed: the drive has fewer than two poses with"
+                " times."
+            )
+        return deskewed_points(self.points, times_ns, self.pose_track, self.timestamp_ns)
 
     @property
     def boxes(self) -> tuple[Box, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.drives.calibration import COMMENT, parse_numbers, read_lines
+from intervis.drives.numbering import MOST_DIGITS
 from intervis.errors import CalibrationError, PoseError
 from intervis.transform import checked_pose, inverse, rigid
 
@@ -42,23 +43,47 @@ def read_poses(path: Path) -> list[Float64Array]:
     CalibrationError
         A line does not parse or is not a rigid motion; the message names file and line.
     """
-    poses = []
+    return [
+        _pose(parse_numbers(line, path, line_number), path, line_number)
+        for line_number, line in _lines_with_values(path)
+    ]
+
+
+def read_numbered_poses(path: Path) -> dict[int, Float64Array]:
+    """Read poses with the number of their frame before them, as in KITTI-360.
+
+    Raises
+    ------
+    CalibrationError
+        As `read_poses`; or a line does not start with a frame number, or repeats one.
+    """
+    poses: dict[int, Float64Array] = {}
     for line_number, line in _lines_with_values(path):
-        values = parse_numbers(line, path, line_number)
-        if len(values) not in (12, 16):
+        number, *values = parse_numbers(line, path, line_number)
+        if not (number.is_integer() and 0 <= number < 10**MOST_DIGITS) or number in poses:
             raise CalibrationError(
-                f"{path}, line {line_number}: a pose needs 12 numbers, this line has {len(values)}."
+                f"{path}, line {line_number}: expected a frame number of its own, got"
+                f" {line.split()[0]:.40}."
             )
-        if max(map(abs, values)) > FARTHEST_M:
-            raise CalibrationError(
-                f"{path}, line {line_number}: the pose has a number beyond {FARTHEST_M:.0e}: its"
-                " lengths must be metres."
-            )
-        try:
-            poses.append(checked_pose(np.reshape(values, (-1, 4))))
-        except PoseError as error:
-            raise CalibrationError(f"{path}, line {line_number}: {error}") from None
+        poses[int(number)] = _pose(tuple(values), path, line_number)
     return poses
+
+
+def _pose(values: tuple[float, ...], path: Path, line_number: int) -> Float64Array:
+    """The pose in 12 or 16 numbers of a line."""
+    if len(values) not in (12, 16):
+        raise CalibrationError(
+            f"{path}, line {line_number}: a pose needs 12 numbers, this line has {len(values)}."
+        )
+    if max(map(abs, values)) > FARTHEST_M:
+        raise CalibrationError(
+            f"{path}, line {line_number}: the pose has a number beyond {FARTHEST_M:.0e}: its"
+            " lengths must be metres."
+        )
+    try:
+        return checked_pose(np.reshape(values, (-1, 4)))
+    except PoseError as error:
+        raise CalibrationError(f"{path}, line {line_number}: {error}") from None
 
 
 def _lines_with_values(path: Path) -> Iterator[tuple[int, str]]:

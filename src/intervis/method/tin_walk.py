@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
+from intervis.delaunay import triangulate
 from intervis.kernels import in_parts, kernel
 from intervis.method.line_buffer import LINES_PER_PART
-from intervis.method.mesh import Mesh, build_mesh, signed_area, triangulate, unique_edges
+from intervis.method.mesh import Mesh, chain_mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +25,7 @@ class Tin:
         ``star_corners[star_offsets[i]:star_offsets[i + 1]]``.
     vertex : (V,) int64 array
         The vertex of the mesh at each node's position: the node itself or, for a copy of a
-        position, the node that the triangulation used.
+        position, the lowest node there.
     """
 
     mesh: Mesh
@@ -42,24 +43,22 @@ def build_tin(ground: Float64Array) -> Tin:
     ground : (V, 2) float64 array
         Metres.
     """
-    nodes = len(ground)
-    vertex = np.arange(nodes)
     found = triangulate(ground)
-    if found is None:
-        nothing = np.empty(0, np.int64)
-        offsets = np.zeros(nodes + 1, np.int64)
-        return Tin(build_mesh(ground), nothing.reshape(0, 3), nothing, offsets, vertex)
-    triangles = found.simplices.astype(np.int64)
-    area = np.abs(signed_area(ground, triangles))
-    corners = np.argsort(triangles.ravel(), kind="stable")
-    copies = found.coplanar.astype(np.int64)
-    vertex[copies[:, 0]] = copies[:, 2]
+    triangles = found.triangles.astype(np.int64)
+    mesh = chain_mesh(ground)
+    if len(triangles):
+        mesh = Mesh(triangles, found.areas(ground), found.edges())
+    node = triangles.ravel()
+    corners = np.argsort(node, kind="stable")
+    offsets = np.searchsorted(node[corners], np.arange(len(ground) + 1))
+    # Half edge 3 f + k starts at corner k: the edge opposite to corner k starts at corner k + 1.
+    opposite = np.roll(found.opposite.reshape(-1, 3), -1, axis=1)
     return Tin(
-        mesh=Mesh(triangles, area, unique_edges(triangles, nodes)),
-        neighbours=found.neighbors.astype(np.int64),
+        mesh=mesh,
+        neighbours=opposite.astype(np.int64) // 3,
         star_corners=corners,
-        star_offsets=np.searchsorted(triangles.ravel()[corners], np.arange(nodes + 1)),
-        vertex=vertex,
+        star_offsets=offsets,
+        vertex=found.vertex.astype(np.int64),
     )
 
 

@@ -1,6 +1,9 @@
 """The scan buffer: a bounded number of posed range images, and which of them to evict."""
 
+import threading
+import weakref
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +13,9 @@ from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.occupancy_model import AGE_COST_M_PER_S
 from intervis.sight.range_image import RangeImage
 from intervis.transform import inverse
+
+SPARE_SLOTS = 4
+"""Slots beyond the capacity: for evicted scans that packed scans in use still refer to."""
 
 SAME_POSE = 1e-6
 """Poses whose entries differ by less are equal."""
@@ -32,6 +38,10 @@ class ScanBuffer:
     distance measured from the newest scan. A scan that equals a scan of the buffer, at the same
     pose, replaces it, so that no observation counts twice.
 
+    Packed scans are immutable: a slot that packed scans in use refer to is not written to. Any
+    thread may call; `lock` is held while the buffer changes, which is short, not while a scan is
+    projected or lines are answered.
+
     Parameters
     ----------
     max_scans : int
@@ -50,6 +60,28 @@ class ScanBuffer:
         self._pool: Int16Array = np.zeros((0, 0), np.int16)
         self._entries: list[_Entry] = []
         self._packed: PackedScans | None = None
+        self._lent: list[tuple[weakref.ref[Any], frozenset[int]]] = []
+        """Packed scans in use (their `offset`), and the slots of the pool that they refer to."""
+        self._spare = 0
+        self._borrowed = False
+        """Whether the pool is another buffer's, and must be copied before it is written to."""
+        self.lock = threading.RLock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        with self.lock:
+            return {**self.__dict__, "lock": None, "_packed": None, "_lent": []}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, lock=threading.RLock())
+
+    def snapshot(self) -> "ScanBuffer":
+        """A buffer with the scans of this moment, which later additions to this one leave alone."""
+        with self.lock:
+            copy = ScanBuffer(self.max_scans, self.max_bytes)
+            copy._pool, copy._borrowed = self._pool, True
+            copy._entries = list(self._entries)
+            copy._packed = self.packed() if self._entries else None  # which keeps the slots
+            return copy
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -57,22 +89,31 @@ class ScanBuffer:
     @property
     def bytes(self) -> int:
         """Memory of the pool and the ground maps."""
-        return self._pool.nbytes + sum(entry.image.ground_m.nbytes for entry in self._entries)
+        with self.lock:
+            return self._pool.nbytes + sum(entry.image.ground_m.nbytes for entry in self._entries)
 
     @property
     def poses(self) -> Float64Array:
         """(S, 4, 4) scene_from_sensor of the scans, oldest first."""
-        return np.array([entry.pose for entry in self._entries]).reshape(-1, 4, 4)
+        with self.lock:
+            return np.array([entry.pose for entry in self._entries]).reshape(-1, 4, 4)
 
     @property
     def timestamps_s(self) -> Float64Array:
         """(S,) times of the scans, seconds; NaN if not known."""
-        return np.array([entry.timestamp_s for entry in self._entries])
+        with self.lock:
+            return np.array([entry.timestamp_s for entry in self._entries])
 
     def add(
         self, image: RangeImage, scene_from_sensor: Float64Array, timestamp_s: float = float("nan")
     ) -> None:
         """Add a scan; evict others if the buffer is full."""
+        with self.lock:
+            self._add(image, scene_from_sensor, timestamp_s)
+
+    def _add(self, image: RangeImage, scene_from_sensor: Float64Array, timestamp_s: float) -> None:
+        if self._borrowed:  # while `_packed` still keeps the slots from being written to
+            self._replace_pool(*self._pool.shape)
         self._packed = None
         self._remove_equal(image, scene_from_sensor)
         pixels = max(image.pixels.size, self._pool.shape[1])
@@ -80,9 +121,7 @@ class ScanBuffer:
         capacity = max(1, min(self.max_scans, self.max_bytes // bytes_per_scan))
         while len(self._entries) >= capacity:
             self._evict(scene_from_sensor)
-        self._grow_pool(pixels, capacity)
-        used = {entry.slot for entry in self._entries}
-        slot = next(slot for slot in range(len(self._pool)) if slot not in used)
+        slot = self._free_slot(pixels, capacity)
         place = self._pool[slot, : image.pixels.size].reshape(image.pixels.shape)
         place[:] = image.pixels
         self._entries.append(
@@ -107,21 +146,32 @@ class ScanBuffer:
         cost = age / age.max() + distance / max(float(distance.max()), 1e-9)
         del self._entries[int(np.argmax(cost))]
 
-    def _grow_pool(self, pixels: int, capacity: int) -> None:
-        """Provide a free slot of so many pixels; the pool grows by half, up to the capacity."""
+    def _free_slot(self, pixels: int, capacity: int) -> int:
+        """A slot of so many pixels; the pool grows by half, up to the capacity."""
+        self._lent = [(packed, slots) for packed, slots in self._lent if packed() is not None]
+        taken = {entry.slot for entry in self._entries}.union(*(slots for _, slots in self._lent))
+        limit = capacity + self._spare
+        fits = self._pool.shape[1] == pixels and len(self._pool) <= limit
+        free = next((slot for slot in range(len(self._pool)) if slot not in taken), None)
+        if fits and free is not None:
+            return free
+        self._spare = SPARE_SLOTS if self._lent else self._spare
         slots = len(self._pool)
-        if slots <= len(self._entries):
-            slots = min(capacity, slots * 3 // 2 + 1)
-        if capacity < slots or (slots, pixels) != self._pool.shape:
-            slots = min(slots, capacity)
-            pool = np.zeros((slots, pixels), np.int16)
-            for slot, entry in enumerate(self._entries):
-                image = entry.image.pixels
-                place = pool[slot, : image.size].reshape(image.shape)
-                place[:] = image
-                moved = replace(entry.image, pixels=place)
-                self._entries[slot] = replace(entry, slot=slot, image=moved)
-            self._pool = pool
+        if slots <= len(taken):
+            slots = slots * 3 // 2 + 1
+        self._replace_pool(min(slots, capacity + self._spare), pixels)
+        return len(self._entries)
+
+    def _replace_pool(self, slots: int, pixels: int) -> None:
+        """A new pool with the scans in its first slots; packed scans in use keep the old one."""
+        pool = np.zeros((slots, pixels), np.int16)
+        for slot, entry in enumerate(self._entries):
+            image = entry.image.pixels
+            place = pool[slot, : image.size].reshape(image.shape)
+            place[:] = image
+            moved = replace(entry.image, pixels=place)
+            self._entries[slot] = replace(entry, slot=slot, image=moved)
+        self._pool, self._lent, self._borrowed = pool, [], False
 
     @property
     def _contributing(self) -> list[_Entry]:
@@ -130,28 +180,36 @@ class ScanBuffer:
 
     def packed(self) -> PackedScans:
         """The scans as kernels read them, without a query time."""
-        if self._packed is None:
-            entries = self._contributing
-            images = [entry.image for entry in entries]
-            poses = np.array([entry.pose for entry in entries])
-            self._packed = PackedScans(
-                pixels=self._pool.reshape(-1),
-                unit_m=np.array([image.unit_m for image in images]),
-                offset=np.array([entry.slot for entry in entries]) * self._pool.shape[1],
-                columns=np.array([image.pixels.shape[0] for image in images]),
-                rows=np.array([image.pixels.shape[1] for image in images]),
-                elevation_from=np.array([image.elevation_from for image in images]),
-                rows_per_unit=np.array([1.0 / image.elevation_step for image in images]),
-                sensor_from_scene=np.array([inverse(pose)[:3] for pose in poses]),
-                position=np.ascontiguousarray(poses[:, :3, 3]),
-                ground=np.array([image.ground_m for image in images]),
-                age_cost_m=np.zeros(len(images)),
-                time_offset_s=np.full(len(images), np.nan),
-            )
-        return self._packed
+        with self.lock:
+            if self._packed is None:
+                self._packed = self._pack()
+            return self._packed
+
+    def _pack(self) -> PackedScans:
+        entries = self._contributing
+        images = [entry.image for entry in entries]
+        poses = np.array([entry.pose for entry in entries])
+        packed = PackedScans(
+            pixels=self._pool.reshape(-1),
+            unit_m=np.array([image.unit_m for image in images]),
+            offset=np.array([entry.slot for entry in entries]) * self._pool.shape[1],
+            columns=np.array([image.pixels.shape[0] for image in images]),
+            rows=np.array([image.pixels.shape[1] for image in images]),
+            elevation_from=np.array([image.elevation_from for image in images]),
+            rows_per_unit=np.array([1.0 / image.elevation_step for image in images]),
+            sensor_from_scene=np.array([inverse(pose)[:3] for pose in poses]),
+            position=np.ascontiguousarray(poses[:, :3, 3]),
+            ground=np.array([image.ground_m for image in images]),
+            age_cost_m=np.zeros(len(images)),
+            time_offset_s=np.full(len(images), np.nan),
+        )
+        slots = frozenset(entry.slot for entry in entries)
+        self._lent.append((weakref.ref(packed.offset), slots))
+        return packed
 
     def packed_at(self, moment_s: float) -> PackedScans:
         """The scans as kernels read them, for a query time."""
-        offset_s = np.array([entry.timestamp_s for entry in self._contributing]) - moment_s
-        cost_m = AGE_COST_M_PER_S * np.abs(offset_s)
-        return self.packed()._replace(age_cost_m=cost_m, time_offset_s=offset_s)
+        with self.lock:
+            offset_s = np.array([entry.timestamp_s for entry in self._contributing]) - moment_s
+            cost_m = AGE_COST_M_PER_S * np.abs(offset_s)
+            return self.packed()._replace(age_cost_m=cost_m, time_offset_s=offset_s)

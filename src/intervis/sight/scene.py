@@ -33,6 +33,8 @@ from intervis.transform import checked_pose
 class Scene:
     """Observed space: a bounded buffer of posed scans that answers sight lines.
 
+    Any thread may add scans and ask: each answer is that of a state that the scene had.
+
     Parameters
     ----------
     sensor : Sensor, str or None
@@ -82,6 +84,15 @@ class Scene:
         scene = cls(sensor=sensor)
         scene.add(points, pose)
         return scene
+
+    def snapshot(self) -> Self:
+        """A scene with the scans of this moment, which later additions to this one leave alone.
+
+        Nothing is copied; both hold the memory of the scans, until one of them gets another scan.
+        """
+        copy = type(self)(sensor=self.sensor)
+        copy._buffer = self._buffer.snapshot()
+        return copy
 
     def __len__(self) -> int:
         return len(self._buffer)
@@ -278,7 +289,7 @@ class Scene:
     def packed_scans(self, moment_s: float | None = None) -> PackedScans:
         """The scans as the compiled kernels and the reference implementation read them.
 
-        Valid until the next `add`, which may write over the memory of an evicted scan.
+        Immutable: a later `add`, also in another thread, leaves them as they are.
 
         Parameters
         ----------
@@ -292,15 +303,17 @@ class Scene:
         SettingsError
             `moment_s` is not finite.
         """
-        if len(self._buffer) == 0:
-            raise SceneError("the scene holds no scan: call scene.add(points, pose) first.")
-        if moment_s is None:
-            return self._buffer.packed()
-        if np.isnan(self._buffer.timestamps_s).any():
-            raise SceneError(
-                "moment_s needs the time of every scan: call scene.add(points, pose, timestamp_s)."
-            )
-        return self._buffer.packed_at(_finite("moment_s", moment_s, "seconds"))
+        with self._buffer.lock:
+            if len(self._buffer) == 0:
+                raise SceneError("the scene holds no scan: call scene.add(points, pose) first.")
+            if moment_s is None:
+                return self._buffer.packed()
+            if np.isnan(self._buffer.timestamps_s).any():
+                raise SceneError(
+                    "moment_s needs the time of every scan: call scene.add(points, pose,"
+                    " timestamp_s)."
+                )
+            return self._buffer.packed_at(_finite("moment_s", moment_s, "seconds"))
 
 
 def _finite(name: str, value: Any, unit: str) -> float:

@@ -8,11 +8,12 @@ import pytest
 from scipy.optimize import approx_fprime
 
 from intervis.cli import exit_code
-from intervis.lab.calibrate import curves, probability, risk
+from intervis.errors import SettingsError
+from intervis.lab.calibrate import curves, left_out, probability, risk
 from intervis.lab.calibrate.granularity import fit_times
-from intervis.lab.calibrate.line_set import LineDepths, QueryLines, sample_table
+from intervis.lab.calibrate.line_set import LineDepths, QueryLines, lines_of, sample_table
 from intervis.lab.calibrate.outcome import Outcome, compared
-from intervis.lab.calibrate.plan import fingerprints
+from intervis.lab.calibrate.plan import Plan, fingerprints
 from intervis.sight import Scene
 from intervis.sight import occupancy_model as model
 from intervis.sight.answers import answer_lines, sum_lines
@@ -118,6 +119,44 @@ def test_weights_are_chosen_by_the_smallest_loss(table):
     decay, correlation, losses = curves.choose_weights(table, fitted, FITTED)
     assert losses[decay, correlation] == min(losses.values())
     assert len(losses) == len(curves.DECAYS) * len(curves.CORRELATIONS)
+
+
+def test_some_lines_of_a_table_are_a_table_of_these_lines(queries):
+    rows = np.random.default_rng(5).random(len(queries.starts)) < 0.4
+    part = replace(
+        queries,
+        starts=queries.starts[rows],
+        ends=queries.ends[rows],
+        visible=queries.visible[rows],
+    )
+    chosen, expected = lines_of(sample_table([queries], *KNOTS), rows), sample_table([part], *KNOTS)
+    assert curves.loss_of(chosen, FITTED) == pytest.approx(curves.loss_of(expected, FITTED))
+    for name in ("line", "scans", "movable", "time_gap_s"):
+        np.testing.assert_array_equal(getattr(chosen, name), getattr(expected, name))
+
+
+def test_numbers_are_worse_on_a_source_that_they_never_saw(queries, monkeypatch):
+    """Two sources with opposite answers: what is fitted without one is wrong on it."""
+    p = probability.line_probability(
+        curves.line_depths(sample_table([queries], *KNOTS), FITTED), model.MODEL.parameters
+    )
+    sets = [
+        replace(queries, visible=p > 0.5, sources=("a",), family="a"),
+        replace(queries, visible=p <= 0.5, sources=("b",), family="b"),
+    ]
+    monkeypatch.setattr(left_out, "curve_lines", lambda *_: iter(sets))
+    monkeypatch.setattr(left_out, "check_inputs", lambda *_: None)
+    found = list(left_out.leave_each_out(Plan(), None, ["a", "b"]))
+    assert [(one.name, one.lines) for one in found] == [("a", 120), ("b", 120)]
+    for one in found:
+        assert one.fitted_without > one.fitted_with + 0.2
+
+
+def test_what_cannot_be_left_out_is_told_in_a_sentence():
+    with pytest.raises(SettingsError, match="no 'vlp' to leave out: it has hdl-64e"):
+        left_out.checked_sources(Plan(matrix={"curves": [1]}), ["vlp"])
+    with pytest.raises(SettingsError, match="nothing is left to fit"):
+        left_out.checked_sources(Plan(), [])
 
 
 NUMBERS = dict(zip(probability.NAMES, (1.8, 4.0, 0.6, 0.3, 0.25, 0.15, 0.2, 0.5), strict=True))

@@ -65,7 +65,7 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
     check_inputs(plan, data)
     knots = {name: model.FITTED[name] for name in curves.KNOTS}
     table = sample_table(
-        _queries(plan, data, "curves", report),
+        curve_lines(plan, data, report),
         *(np.array(values, dtype=np.float64) for values in knots.values()),
     )
     numbers, losses = fit_numbers(table)
@@ -178,6 +178,11 @@ def _used(plan: Plan, stage: Stage) -> str:
     return "; ".join(matrix + drives)
 
 
+def curve_lines(plan: Plan, data: Path, report: Progress) -> Iterator[QueryLines]:
+    """The lines of the stage `curves`."""
+    return _queries(plan, data, "curves", report)
+
+
 def _queries(plan: Plan, data: Path, stage: Stage, report: Progress) -> Iterator[QueryLines]:
     seeds = plan.matrix.curves if stage == "curves" else plan.matrix.thresholds
     lines = plan.matrix.lines if stage == "curves" else plan.matrix.threshold_lines
@@ -201,7 +206,8 @@ def _drive_lines(
                 family = f"{given.drive} {protocol} {targets}"
                 for query_set in held_out_query_sets(drive, given.frame_pairs, protocol, settings):
                     lines = query_lines(query_set, count, rng)
-                    yield replace(lines, family=family, unit=f"{family} {lines.label}")
+                    unit = f"{family} {lines.label}"
+                    yield replace(lines, family=family, unit=unit, sources=(given.drive,))
             report(f"{stage}: {given.drive}, {protocol}")
 
 
@@ -228,4 +234,5 @@ def matrix_lines(seed: int, count: int, leave_out: tuple[str, ...] = ()) -> Iter
                     lines.visible[rows],
                     family=f"matrix {kind}",
                     unit=label,
+                    sources=(cell.scanner, cell.mount, cell.world),
                 )

@@ -38,6 +38,8 @@ class QueryLines:
         All families have the same weight, and so have the query sets of a family.
     unit : str
         The scans that it belongs to: lines of one unit depend on each other.
+    sources : tuple of str
+        Scanner, mount and world, or the drive: see `intervis.lab.calibrate.left_out`.
     """
 
     label: str
@@ -47,6 +49,7 @@ class QueryLines:
     visible: BoolArray
     family: str = ""
     unit: str = ""
+    sources: tuple[str, ...] = ()
 
 
 def query_lines(query_set: QuerySet, count: int, rng: np.random.Generator) -> QueryLines:
@@ -183,6 +186,22 @@ def sample_table(
         time_gap_s=np.array(gap_s),
         end_occluded_m=np.array([end_occluded_m(line) for line in lines]),
         bracketed=np.array(bracketed),
+    )
+
+
+def lines_of(table: SampleTable, rows: BoolArray) -> SampleTable:
+    """The table of some of its lines, `rows` (L,). Each line keeps its weight."""
+    samples = rows[table.line]
+    of_lines = ("visible", "weight", "time_gap_s", "end_occluded_m", "bracketed")
+    of_samples = (
+        *("step_m", "height", "height_log_odds"),
+        *("scans", "occupied", "left", "movable"),
+    )
+    return SampleTable(
+        line=(np.cumsum(rows) - 1)[table.line[samples]],
+        by_rank=[weights[samples] for weights in table.by_rank],
+        **{name: getattr(table, name)[samples] for name in of_samples},
+        **{name: getattr(table, name)[rows] for name in of_lines},
     )
 
 

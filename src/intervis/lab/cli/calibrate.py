@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from intervis.lab.calibrate.outcome import Outcome
+    from intervis.lab.calibrate.plan import Plan
 
 PARTS = ("model", "granularity")
 NAMES = ("occupancy_model.toml", "granularity.toml")
@@ -27,6 +28,15 @@ def calibrate(
     only: Annotated[
         str | None,
         typer.Option(metavar="model|granularity", help="One part; both without it."),
+    ] = None,
+    leave_out: Annotated[
+        str | None,
+        typer.Option(
+            "--leave-out",
+            metavar="NAMES|each",
+            help="Fit without one scanner, mount, world or drive at a time and judge the numbers on"
+            " it: names, comma-separated, or each. Writes left_out.md only (a minute a name).",
+        ),
     ] = None,
 ) -> None:
     """Fit the numbers of the occupancy model and of tau="auto" again (minutes).
@@ -48,6 +58,11 @@ def calibrate(
     from intervis.sight import occupancy_model
 
     chosen = load_plan(plan or DEFAULT_PLAN)
+    if leave_out is not None:
+        if only is not None:
+            raise SettingsError("--leave-out judges the model: leave out --only.")
+        _leave_out(chosen, data, out, leave_out)
+        return
     fits_granularity = only == "granularity" or (only is None and chosen.granularity is not None)
     if only != "granularity":
         check_inputs(chosen, data)
@@ -66,6 +81,25 @@ def calibrate(
         with progress("granularity", granularity_steps(chosen)) as advance:
             outcome = calibrate_granularity(chosen, data, progress=advance)
         _write(out / "granularity.toml", outcome, granularity.FITTED, "method.granularity")
+
+
+def _leave_out(plan: "Plan", data: Path, out: Path, text: str) -> None:
+    from intervis.files import make_folder, write_text
+    from intervis.lab.calibrate.left_out import (
+        checked_sources,
+        leave_each_out,
+        left_out_steps,
+        left_out_table,
+    )
+
+    named = () if text == "each" else tuple(name.strip() for name in text.split(","))
+    names = checked_sources(plan, named)
+    make_folder(out)
+    with progress("left out", left_out_steps(plan, names)) as advance:
+        results = list(leave_each_out(plan, data, names, progress=advance))
+    table = left_out_table(results)
+    show(table.as_text())
+    write_text(out / "left_out.md", table.as_markdown() + "\n")
 
 
 def _check_output(out: Path) -> None:

@@ -3,12 +3,15 @@
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from intervis.cli.terminal import progress, show
 from intervis.errors import SettingsError
+
+if TYPE_CHECKING:
+    from intervis.lab.truth.cells import Cell
 
 
 def matrix(
@@ -27,6 +30,14 @@ def matrix(
             help="Check the labels of --protocol together in these worlds instead of the engine.",
         ),
     ] = False,
+    rivals: Annotated[
+        bool,
+        typer.Option(
+            "--rivals",
+            help="The baselines beside the engine, on returns seen from two viewpoints of a cell"
+            " (20 to 40 s a cell).",
+        ),
+    ] = False,
 ) -> None:
     """Score the engine in generated worlds for each scanner and mount."""
     from intervis.files import write_bytes
@@ -40,6 +51,8 @@ def matrix(
         raise SettingsError(
             f"--lines must be {len(KINDS)} or more and --seed 0 or more, got {lines}, {seed}."
         )
+    if labels and rivals:
+        raise SettingsError("--labels checks labels, --rivals scores methods: choose one of them.")
     if labels:
         if scanners or mounts or worlds:
             raise SettingsError("--labels takes all worlds and two scanners: leave out the names.")
@@ -55,6 +68,9 @@ def matrix(
             "these scanners, mounts and worlds cannot be combined: the terrestrial scanner stands"
             " on its tripod only, the others never do, and the hall has no mast."
         )
+    if rivals:
+        _score_rivals(chosen, seed, out)
+        return
     with progress("matrix", len(chosen)) as advance:
         results = list(evaluate_cells(chosen, lines=lines, seed=seed, progress=advance))
     table = matrix_table(results)
@@ -65,6 +81,22 @@ def matrix(
         body = {"lines": lines, "seed": seed, "cells": [result.to_json() for result in results]}
         write_bytes(out / "matrix.json", (json.dumps(body, indent=1) + "\n").encode())
         write_bytes(out / "matrix.md", table.as_markdown().encode())
+
+
+def _score_rivals(chosen: "list[Cell]", seed: int, out: Path | None) -> None:
+    from intervis.files import write_text
+    from intervis.lab.truth.evaluation import methods_for
+    from intervis.lab.truth.rivals import VIEWPOINTS, evaluate_rivals
+    from intervis.lab.truth.tables import accuracy_table, risk_table
+
+    methods = methods_for("single", baselines=True)
+    with progress("answers", len(chosen) * VIEWPOINTS * len(methods)) as advance:
+        result = evaluate_rivals(chosen, seed=seed, methods=methods, progress=advance)
+    tables = [accuracy_table(result), risk_table(result)]
+    for table in tables:
+        show(table.as_text() + "\n")
+    if out is not None:
+        write_text(out / "rivals.md", "\n\n".join(table.as_markdown() for table in tables) + "\n")
 
 
 def _check_labels(seed: int, out: Path | None) -> None:

@@ -90,7 +90,7 @@ def exact_lines(
     """About `count` labelled lines of a scan, a quarter of each kind."""
     each = count // len(KINDS)
     origin = scan.pose[:3, 3]
-    free = _free_points(place, origin, 4 * each, rng)
+    free = free_points(place, origin, 4 * each, rng)
     returns = transform(scan.pose, scan.points.astype(np.float64))
     chosen = returns[rng.integers(0, len(returns), 2 * each)]
     beam_ends = returns[rng.integers(0, len(returns), each)]
@@ -116,7 +116,7 @@ def _points_in_space(viewpoints: Float64Array, rng: np.random.Generator) -> Floa
     return np.asarray(viewpoints + rng.uniform(*SPACE_RANGE_M, (len(viewpoints), 1)) * toward)
 
 
-def _free_points(
+def free_points(
     place: Place, origin: Float64Array, count: int, rng: np.random.Generator
 ) -> Float64Array:
     """Points (count, 3) of the place within 60 m of the scanner, uniform over the ground."""

@@ -1,0 +1,125 @@
+"""From edges around vertices to half edges of triangles, edges and areas, in the caller's rows."""
+
+from typing import Any
+
+import numpy as np
+
+from intervis.arrays import Float64Array, Int32Array, IntArray
+from intervis.delaunay.divide import FACE, ORIGIN, OUTSIDE, PREVIOUS, USED
+from intervis.delaunay.predicates import turn
+from intervis.kernels import kernel
+
+
+@kernel
+def mark_outside(links: Int32Array, hull: int) -> Any:
+    """Mark the edges that have the outside on their left; how many there are.
+
+    Parameters
+    ----------
+    links : (4 E,) int32 array
+        See `divide`.
+    hull : int
+        One of these edges.
+    """
+    outside: Any = 0
+    edge = hull
+    while outside == 0 or edge != hull:
+        links[4 * edge + FACE] = OUTSIDE
+        outside += 1
+        edge = np.int64(links[4 * (edge ^ 1) + PREVIOUS])
+    return outside
+
+
+@kernel
+def write_half_edges(
+    links: Int32Array, row: Int32Array, start: Int32Array, opposite: Int32Array
+) -> None:
+    """Number the triangles in the order of their first edges, and write their half edges.
+
+    Parameters
+    ----------
+    links : (4 E,) int32 array
+        With the outside marked.
+    row : (M,) int32 array
+        The caller's row of each vertex.
+    start, opposite : (3 F,) int32 arrays
+        Receive the row at which each half edge starts, and the half edge on the other side of the
+        same edge, -1 on the hull.
+    """
+    half: Any = 0
+    for edge in range(len(links) // 4):
+        if links[4 * edge + FACE] != USED:
+            continue
+        side = edge
+        for _ in range(3):
+            links[4 * side + FACE] = half + 1  # 0 is for edges that are not in use
+            start[half] = row[links[4 * side + ORIGIN]]
+            twin = np.int64(links[4 * (side ^ 1) + FACE]) - 1
+            if twin >= 0:
+                opposite[half], opposite[twin] = twin, half
+            else:
+                opposite[half] = -1
+            half += 1
+            side = np.int64(links[4 * (side ^ 1) + PREVIOUS])
+
+
+@kernel
+def write_edges(start: Int32Array, opposite: Int32Array, nodes: int, edges: IntArray) -> None:
+    """Write each edge once, smaller row first, sorted.
+
+    Parameters
+    ----------
+    start, opposite : (3 F,) int32 arrays
+        Half edges.
+    nodes : int
+        Rows are smaller than this.
+    edges : (E, 2) int64 array
+    """
+    # Counting sorts by the larger row, then by the smaller one, keep the order of the first.
+    count = len(edges)
+    lower, upper = np.empty(count, np.int32), np.empty(count, np.int32)
+    place = np.zeros((2, nodes + 1), np.int32)
+    found: Any = 0
+    for half in range(len(start)):
+        if opposite[half] < half:  # its twin comes first, or it is the hull's
+            a = start[half]
+            b = start[half + 1 if half % 3 < 2 else half - 2]
+            lower[found], upper[found] = min(a, b), max(a, b)
+            place[0, max(a, b) + 1] += 1
+            place[1, min(a, b) + 1] += 1
+            found += 1
+    for k in range(nodes):
+        place[0, k + 1] += place[0, k]
+        place[1, k + 1] += place[1, k]
+    by_upper = np.empty((count, 2), np.int32)
+    for k in range(count):
+        to = place[0, upper[k]]
+        place[0, upper[k]] += 1
+        by_upper[to, 0], by_upper[to, 1] = lower[k], upper[k]
+    for k in range(count):
+        to = place[1, by_upper[k, 0]]
+        place[1, by_upper[k, 0]] += 1
+        edges[to, 0], edges[to, 1] = by_upper[k, 0], by_upper[k, 1]
+
+
+@kernel
+def write_areas(positions: Float64Array, triangles: Int32Array, area: Float64Array) -> None:
+    """Write the areas of triangles that turn left.
+
+    Parameters
+    ----------
+    positions : (V, 2) float64 array
+    triangles : (F, 3) int32 array
+    area : (F,) float64 array
+    """
+    for k in range(len(triangles)):
+        a, b, c = triangles[k, 0], triangles[k, 1], triangles[k, 2]
+        double = turn(
+            positions[a, 0],
+            positions[a, 1],
+            positions[b, 0],
+            positions[b, 1],
+            positions[c, 0],
+            positions[c, 1],
+        )
+        area[k] = 0.5 * double
