@@ -168,10 +168,12 @@ def sampled(mutants: list[Mutant], equivalent: Path, count: int, seed: int) -> l
     Raises
     ------
     MutationError
-        The list of equivalent mutants names one that does not exist, or gives no reason.
+        The list of equivalent mutants names one of these folders that does not exist, or gives no
+        reason.
     """
     excluded = _equivalent_keys(equivalent)
-    unknown = excluded - {mutant.key for mutant in mutants}
+    folders = tuple(f"{area}/" for area in {mutant.area for mutant in mutants})  # of `--area`
+    unknown = {key for key in excluded if key.startswith(folders)} - {one.key for one in mutants}
     if unknown:
         raise MutationError(f"{equivalent} names mutants that do not exist: {sorted(unknown)}.")
     candidates = [mutant for mutant in mutants if mutant.key not in excluded]

@@ -643,6 +643,21 @@ def test_doubled_returns_do_not_change_the_spread_of_angular_steps(rng):
     assert step_spread(np.repeat(points, 2, axis=0), np.zeros(3)) == pytest.approx(spread)
 
 
+def ring_text(*ranges_m):
+    """Returns in every direction, one behind the other."""
+    azimuth = np.radians(np.arange(0.25, 360.0, 1.0))  # amid cells of half a degree
+    return "".join(f"{r * np.cos(a)} {r * np.sin(a)} 0\n" for r in ranges_m for a in azimuth)
+
+
+def test_one_scan_among_others_that_is_a_map_is_told(tmp_path, caplog):
+    head = "FIELDS x y z\nVIEWPOINT {} 0 0 1 0 0 0\nPOINTS {}\nDATA ascii\n"
+    for number, ranges_m in enumerate([(9,), (9, 20, 40), (9,)]):
+        content = head.format(3000 + number, 360 * len(ranges_m)) + ring_text(*ranges_m)
+        write_text(tmp_path / f"{number}.pcd", content)
+    assert len(open_drive(tmp_path).poses) == 3
+    assert "67 % of the points in" in caplog.text
+
+
 def test_a_broken_file_among_posed_scans_fails_alone(tmp_path):
     head = "FIELDS x y z\nVIEWPOINT {} 0 0 1 0 0 0\nPOINTS 1\nDATA ascii\n1 2 3\n"
     write_text(tmp_path / "0.pcd", "no header")

@@ -95,3 +95,45 @@ def test_a_line_of_absurd_length_has_no_answer():
         assert "nan" not in said
         assert "inf" not in said
         assert len(said) < 250
+
+
+@pytest.mark.parametrize(
+    ("probability", "words"),
+    [(0.99, "99 %"), (0.9901, "more than 99 %"), (0.01, "1 %"), (0.0099, "less than 1 %")],
+)
+def test_percentages_are_never_0_or_100(probability, words):
+    said = str(explanation_of(START, END, answer(VISIBLE, probability, np.inf), 0.0))
+    assert said.startswith(f"Visible: with a probability of {words}. ")
+
+
+@pytest.mark.parametrize(
+    ("unobserved_m", "words"), [(0.5, "not decided"), (0.51, "not observed"), (0.7, "not observed")]
+)
+def test_half_a_metre_that_no_scan_observed_is_named(unobserved_m, words):
+    said = str(explanation_of(START, END, answer(UNKNOWN, 0.6, np.inf), unobserved_m))
+    assert said.startswith(f"Unknown: {words}")
+
+
+@pytest.mark.parametrize(("clearance_m", "words"), [(0.049, "less than 0.1 m"), (0.051, "0.1 m")])
+def test_lengths_are_rounded_to_a_decimetre(clearance_m, words):
+    said = str(explanation_of(START, END, answer(VISIBLE, 0.9, clearance_m), 0.0))
+    assert said.endswith(f"it clears the nearest surface by {words}.")
+
+
+def test_the_risk_and_the_time_of_a_query_reach_the_scene():
+    class Asked:
+        def sight(self, start, ends, *, risk, moment_s):
+            self.lines = (start.tolist(), ends.tolist(), risk, moment_s)
+            return answer(VISIBLE, 0.9, 1.0)
+
+        def unobserved_length(self, start, end, *, moment_s):
+            self.unobserved = (start.tolist(), end.tolist(), moment_s)
+            return 1.25
+
+    scene = Asked()
+    explained = explain(scene, START, END, risk=0.1, moment_s=7.5)
+    assert scene.lines == ([0, 0, 0], [[3, 4, 0]], 0.1, 7.5)
+    assert scene.unobserved == ([0, 0, 0], [3, 4, 0], 7.5)
+    assert explained.unobserved_m == 1.25
+    explain(scene, START, END)
+    assert scene.lines[2:] == (0.05, None)

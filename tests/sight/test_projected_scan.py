@@ -59,6 +59,18 @@ def neighbours_by_definition(azimuth, elevation, hits, i, columns=COLUMNS, rows=
     return min(beside, default=np.inf), min(above, default=np.inf), 9 * cell / around.sum()
 
 
+@pytest.mark.parametrize("elevation_deg", [-89.0, -60.0, -45.0, -20.0, 0.0, 10.0, 44.9, 45.1, 80.0])
+def test_angles_of_one_unit_of_the_projection(elevation_deg):
+    """In azimuth an eighth of a turn of a circle of radius cos(elevation). In elevation, from
+    e = tan(elevation) the square of its cosine, from e = 2 - cot(elevation) that of its sine."""
+    sine, cosine = np.sin(np.radians(elevation_deg)), np.cos(np.radians(elevation_deg))
+    steep = abs(sine) > cosine
+    e = np.sign(sine) * (2.0 - cosine / abs(sine)) if steep else sine / cosine
+    across, up = direction_scale(e)
+    assert across == pytest.approx(cosine * np.pi / 4.0, rel=1e-12)
+    assert up == pytest.approx((sine if steep else cosine) ** 2, rel=1e-12)
+
+
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS, count=st.integers(5, 600))
 def test_neighbours_are_found_among_the_cells_around_a_return(seed, count):

@@ -77,6 +77,9 @@ def test_equivalent_mutants_are_left_out_with_a_reason(project):
     listed.parent.mkdir()
     listed.write_text(f"# Comment\n\n{SURVIVOR}  # equal numbers are the same number\n")
     assert SURVIVOR not in run(project, "--list").stdout
+    other = SURVIVOR.replace("src/made", "src/other")
+    listed.write_text(f"{SURVIVOR}  # equal numbers\n{other}  # of a folder that is not tested\n")
+    assert SURVIVOR not in run(project, "--list").stdout
     for line, message in (
         (SURVIVOR, "gives no reason"),
         (f"{SURVIVOR} + 1  # no such mutant", "do not exist"),

@@ -11,31 +11,29 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
+from intervis.drives.argoverse_tables import (
+    motions_of,
+    numbers_of,
+    read_extrinsics,
+    read_feather,
+    read_trajectory,
+    sensor_names,
+)
 from intervis.drives.boxes import Box
 from intervis.drives.calibration import CameraCalibration
 from intervis.drives.camera_choice import pick_named_camera
 from intervis.drives.drive import Drive
 from intervis.drives.frame import ScannerScan
-from intervis.drives.pcd_file import rotation_of_quaternion
 from intervis.drives.pose_track import PoseTrack, nearest_time
-from intervis.drives.regular_file import open_regular
 from intervis.drives.scan import Scan, coordinates, scan_of_rows
 from intervis.drives.vehicle_axes import sensor_from_velo
-from intervis.errors import (
-    CalibrationError,
-    CameraError,
-    DriveError,
-    MissingExtraError,
-    ScanError,
-)
-from intervis.transform import inverse, rigid
+from intervis.errors import CalibrationError, CameraError, ScanError
+from intervis.transform import inverse
 
 log = logging.getLogger(__name__)
 
@@ -46,8 +44,6 @@ SCANNERS = {"up_lidar": (0, 32), "down_lidar": (32, 64)}
 MAIN_CAMERA = "ring_front_center"
 IMAGE_WITHIN_NS = 100_000_000
 """An image belongs to a sweep where it was taken within this time of it."""
-
-FARTHEST_M = 1e9
 
 
 def find_roots(path: Path) -> list[Path]:
@@ -77,31 +73,31 @@ def _times(folder: Path, *endings: str) -> dict[int, Path]:
 def read_drive(root: Path, camera: str | None) -> Drive:
     """Read the log in a folder that `find_roots` returned."""
     sweeps = list(_times(root / "sensors" / "lidar").items())
-    places_path = root / "calibration" / "egovehicle_SE3_sensor.feather"
-    places = _places(places_path)
-    missing = [name for name in SCANNERS if name not in places]
+    extrinsics_path = root / "calibration" / "egovehicle_SE3_sensor.feather"
+    extrinsics = read_extrinsics(extrinsics_path)
+    missing = [name for name in SCANNERS if name not in extrinsics]
     if missing:
         raise CalibrationError(
-            f"{places_path} has no row for {' and '.join(missing)}: the extrinsics of both"
+            f"{extrinsics_path} has no row for {' and '.join(missing)}: the extrinsics of both"
             " scanners are needed."
         )
     trajectory, pose_files = None, []
     pose_path = root / "city_SE3_egovehicle.feather"
     if pose_path.is_file():
-        trajectory, pose_files = _trajectory(pose_path), [pose_path]
+        trajectory, pose_files = read_trajectory(pose_path), [pose_path]
     poses = {}
     for number, (time_ns, _) in enumerate(sweeps):
         world_from_ego = trajectory.at(time_ns) if trajectory else None
         if world_from_ego is not None:
             poses[number] = world_from_ego
     annotations = root / "annotations.feather"
-    cameras = _cameras(root, places)
+    cameras = _cameras(root, extrinsics)
     chosen = pick_named_camera(camera, cameras, MAIN_CAMERA, root)
     images = _times(root / "sensors" / "cameras" / chosen, ".jpg", ".png") if chosen else {}
     nearest = {
         number: _nearest(list(images), time_ns) for number, (time_ns, _) in enumerate(sweeps)
     }
-    reader = _Sweeps(tuple(path for _, path in sweeps), places, poses)
+    reader = _Sweeps(tuple(path for _, path in sweeps), extrinsics, poses)
     return Drive(
         root=root,
         name=root.name,
@@ -114,8 +110,8 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         camera_name=chosen,
         calibration=_Calibrations(
             cameras[chosen],
-            places[chosen],
-            places["up_lidar"] @ sensor_from_velo(places["up_lidar"]),
+            extrinsics[chosen],
+            extrinsics["up_lidar"] @ sensor_from_velo(extrinsics["up_lidar"]),
             {number: time_ns for number, time_ns in nearest.items() if time_ns is not None},
             poses,
             trajectory,
@@ -147,84 +143,6 @@ def _nearest(times_ns: Sequence[int], time_ns: int) -> int | None:
     return None if place is None else times_ns[place]
 
 
-# --- tables ---
-
-
-def _read_feather(path: Path, kind: type[DriveError]) -> NDArray[Any]:
-    """The columns of a Feather file as a structured array; texts are objects."""
-    try:
-        from pyarrow import feather
-    except ImportError:
-        raise MissingExtraError("pyarrow", "argoverse", "Reading Argoverse 2") from None
-    try:
-        with open_regular(path) as file:
-            # In this thread, where an exception can be caught; and checked, as damaged offsets of
-            # texts would otherwise be followed out of the file.
-            table = feather.read_table(file, memory_map=False, use_threads=False)
-        table.validate(full=True)
-        columns = {name: np.asarray(table[name].combine_chunks()) for name in table.column_names}
-    except FileNotFoundError:
-        raise kind(f"the file {path} is missing.") from None
-    except Exception as error:  # pyarrow raises various types on damaged files
-        reason = (str(error) or type(error).__name__).splitlines()[0][:200].rstrip(".")
-        raise kind(f"{path} is not a readable Feather file: {reason}.") from None
-    if len(table.column_names) != len(columns) or not columns or "" in columns:
-        raise kind(f"{path} is not a table of Argoverse 2: its columns need different names.")
-    rows = np.empty(table.num_rows, [(name, column.dtype) for name, column in columns.items()])
-    for name, column in columns.items():
-        rows[name] = column
-    return rows
-
-
-def _numbers(path: Path, rows: NDArray[Any], *names: str) -> Float64Array:
-    """(N, len(names)) finite numbers of a table of calibration or poses."""
-    missing = [name for name in names if name not in (rows.dtype.names or ())]
-    if missing:
-        raise CalibrationError(f"{path} has no column {' '.join(missing)}.")
-    try:
-        values = np.column_stack([np.asarray(rows[name], np.float64) for name in names])
-    except (TypeError, ValueError):
-        values = np.full((1, 1), np.nan)
-    if not np.all(np.abs(values) < FARTHEST_M):
-        raise CalibrationError(f"{path} needs finite numbers in the columns {' '.join(names)}.")
-    return values
-
-
-def _names(path: Path, rows: NDArray[Any]) -> list[str]:
-    if "sensor_name" not in (rows.dtype.names or ()):
-        raise CalibrationError(f"{path} has no column sensor_name.")
-    names = [str(name) for name in rows["sensor_name"]]
-    if not all(name.isprintable() and len(name) < 100 and "/" not in name for name in names):
-        raise CalibrationError(f"{path} has a sensor_name that is not a plain name.")
-    return names
-
-
-def _motions(path: Path, rows: NDArray[Any]) -> list[Float64Array]:
-    """Rigid motions of the rows: quaternion and translation."""
-    values = _numbers(path, rows, "qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
-    lengths = np.linalg.norm(values[:, :4], axis=1)
-    if not np.all((lengths > 1e-3) & (lengths < 1e3)):
-        raise CalibrationError(f"{path} has a row whose qw, qx, qy, qz are not a quaternion.")
-    return [rigid(rotation_of_quaternion(row[:4]), row[4:]) for row in values]
-
-
-def _places(path: Path) -> dict[str, Float64Array]:
-    """ego_from_sensor by the sensor's name."""
-    rows = _read_feather(path, CalibrationError)
-    return dict(zip(_names(path, rows), _motions(path, rows), strict=True))
-
-
-def _trajectory(path: Path) -> PoseTrack:
-    """Read ``city_SE3_egovehicle.feather``: world_from_ego."""
-    rows = _read_feather(path, CalibrationError)
-    if "timestamp_ns" not in (rows.dtype.names or ()) or rows["timestamp_ns"].dtype.kind != "i":
-        raise CalibrationError(f"{path} has no times in whole nanoseconds.")
-    times_ns = rows["timestamp_ns"].astype(np.int64)
-    order = np.argsort(times_ns, kind="stable")
-    motions = _motions(path, rows)
-    return PoseTrack(times_ns[order], tuple(motions[place] for place in order))
-
-
 # --- scanners ---
 
 
@@ -233,7 +151,7 @@ class _Sweeps:
     """Reads the points of one scanner of a sweep, into this scanner's frame."""
 
     paths: tuple[Path, ...]
-    places: Mapping[str, Float64Array]
+    extrinsics: Mapping[str, Float64Array]
     world_from_ego: Mapping[int, Float64Array]
 
     def __call__(self, number: int) -> Scan:
@@ -241,7 +159,7 @@ class _Sweeps:
 
     def ego_from_velo(self, scanner: str) -> Float64Array:
         """The vehicle's frame from the scanner's."""
-        place = self.places[scanner]
+        place = self.extrinsics[scanner]
         return place @ sensor_from_velo(place)
 
     def pose(self, scanner: str, number: int) -> Float64Array | None:
@@ -253,7 +171,7 @@ class _Sweeps:
     def scan(self, scanner: str, number: int) -> Scan:
         """The points of one scanner; `row` among the attributes is their row in the file."""
         path = self.paths[number]
-        table = _read_feather(path, ScanError)
+        table = read_feather(path, ScanError)
         axes, points = coordinates(path, table)
         names = table.dtype.names or ()
         if "laser_number" not in names:
@@ -300,7 +218,7 @@ class _Boxes:
     times_ns: tuple[int, ...]
 
     def __call__(self, number: int) -> tuple[Box, ...]:
-        rows = _read_feather(self.path, CalibrationError)
+        rows = read_feather(self.path, CalibrationError)
         names = rows.dtype.names or ()
         missing = [name for name in ("timestamp_ns", "track_uuid", "category") if name not in names]
         if missing:
@@ -308,7 +226,7 @@ class _Boxes:
         if rows["timestamp_ns"].dtype.kind != "i":
             raise CalibrationError(f"{self.path} has no times in whole nanoseconds.")
         rows = rows[rows["timestamp_ns"] == self.times_ns[number]]
-        sizes_m = _numbers(self.path, rows, "length_m", "width_m", "height_m")
+        sizes_m = numbers_of(self.path, rows, "length_m", "width_m", "height_m")
         velo_from_ego = inverse(self.ego_from_velo)
         counts = rows["num_interior_pts"].tolist() if "num_interior_pts" in names else []
         return tuple(
@@ -320,7 +238,7 @@ class _Boxes:
                 counts[nth] if counts and isinstance(counts[nth], int) else None,
             )
             for nth, (row, ego_from_box, size_m) in enumerate(
-                zip(rows, _motions(self.path, rows), sizes_m, strict=True)
+                zip(rows, motions_of(self.path, rows), sizes_m, strict=True)
             )
         )
 
@@ -328,19 +246,21 @@ class _Boxes:
 # --- cameras ---
 
 
-def _cameras(root: Path, places: Mapping[str, Float64Array]) -> dict[str, Camera]:
+def _cameras(root: Path, extrinsics: Mapping[str, Float64Array]) -> dict[str, Camera]:
     """Cameras by name; none where their intrinsics are not there."""
     path = root / "calibration" / "intrinsics.feather"
     if not path.is_file():
         log.info("%s has no intrinsics of cameras: it is read without a camera.", root)
         return {}
-    rows = _read_feather(path, CalibrationError)
+    rows = read_feather(path, CalibrationError)
     keys = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px")
     cameras = {}
-    for name, values in zip(_names(path, rows), _numbers(path, rows, *keys).tolist(), strict=True):
+    for name, values in zip(
+        sensor_names(path, rows), numbers_of(path, rows, *keys).tolist(), strict=True
+    ):
         fx, fy, cx, cy, width, height = values
         projection = np.array([[fx, 0, cx, 0], [0, fy, cy, 0], [0, 0, 1, 0]])
-        if name not in places:
+        if name not in extrinsics:
             raise CalibrationError(
                 f"{path} has the camera {name!r:.60}, but its extrinsics are missing."
             )
