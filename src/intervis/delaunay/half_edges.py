@@ -75,30 +75,32 @@ def write_edges(start: Int32Array, opposite: Int32Array, nodes: int, edges: IntA
         Rows are smaller than this.
     edges : (E, 2) int64 array
     """
-    # Counting sorts by the larger row, then by the smaller one, keep the order of the first.
+    # Counting sorts by the larger row, then by the smaller one, which keeps the order of the first.
     count = len(edges)
-    lower, upper = np.empty(count, np.int32), np.empty(count, np.int32)
-    place = np.zeros((2, nodes + 1), np.int32)
+    lower, upper = np.empty(count + 1, np.int32), np.empty(count + 1, np.int32)
+    of_lower, of_upper = np.zeros(nodes + 1, np.int32), np.zeros(nodes + 1, np.int32)
     found: Any = 0
-    for half in range(len(start)):
-        if opposite[half] < half:  # its twin comes first, or it is the hull's
-            a = start[half]
-            b = start[half + 1 if half % 3 < 2 else half - 2]
+    for half in range(0, len(start), 3):
+        for side in range(3):
+            a, b = start[half + side], start[half + (side + 1) % 3]
+            # Not if the twin comes later. Always written, since half of all tests would be guessed
+            # wrong; what is not wanted is written over.
+            wanted = np.int64(opposite[half + side] < half + side)
             lower[found], upper[found] = min(a, b), max(a, b)
-            place[0, max(a, b) + 1] += 1
-            place[1, min(a, b) + 1] += 1
-            found += 1
+            of_lower[min(a, b) + 1] += wanted
+            of_upper[max(a, b) + 1] += wanted
+            found += wanted
     for k in range(nodes):
-        place[0, k + 1] += place[0, k]
-        place[1, k + 1] += place[1, k]
+        of_lower[k + 1] += of_lower[k]
+        of_upper[k + 1] += of_upper[k]
     by_upper = np.empty((count, 2), np.int32)
     for k in range(count):
-        to = place[0, upper[k]]
-        place[0, upper[k]] += 1
+        to = of_upper[upper[k]]
+        of_upper[upper[k]] += 1
         by_upper[to, 0], by_upper[to, 1] = lower[k], upper[k]
     for k in range(count):
-        to = place[1, by_upper[k, 0]]
-        place[1, by_upper[k, 0]] += 1
+        to = of_lower[by_upper[k, 0]]
+        of_lower[by_upper[k, 0]] += 1
         edges[to, 0], edges[to, 1] = by_upper[k, 0], by_upper[k, 1]
 
 
