@@ -204,6 +204,26 @@ def test_a_cloud_without_stamp_has_the_time_of_its_recording(tmp_path):
     assert open_drive(tmp_path / "a.bag")[0].timestamp_ns == START_NS + 700
 
 
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_message_that_is_no_cloud_fails_its_own_frame(tmp_path, caplog, kind):
+    path = recording_path(tmp_path, kind)
+    with Recorder(path, kind) as recorder:
+        for nth in range(4):
+            recorder.write_odometry(moved(nth, 0), nth * STEP_NS, child="velodyne")
+            recorder.write_cloud(room(nth), nth * STEP_NS)
+        connection = recorder.connections["/points"]
+        recorder.writer.write(connection, START_NS + STEP_NS + 7, b"no cloud at all")
+    drive, said = warnings_of(caplog, path)
+    assert drive.frame_numbers == (0, 1, 2, 3, 4)
+    assert drive.timestamps_ns[2] == START_NS + STEP_NS + 7  # when it was recorded
+    with pytest.raises(ScanError, match="holds a message that is no PointCloud2"):
+        drive[2]
+    assert np.array_equal(drive[3].points, room(2))
+    assert np.allclose(drive[3].pose, moved(2, 0), rtol=0, atol=1e-6)
+    assert len(said) == 1
+    assert "do not cover the times of 1 of its 5 clouds" in said[0]
+
+
 def warnings_of(caplog, path):
     caplog.clear()
     with caplog.at_level(logging.WARNING):
