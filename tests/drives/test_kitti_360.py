@@ -56,6 +56,7 @@ def test_a_place_ahead_is_seen_where_the_camera_s_place_says(tmp_path, name):
 def test_the_camera_with_images_is_chosen(tmp_path):
     drive = open_drive(write_drive(tmp_path))
     assert drive.camera_name == "image_01"
+    assert drive.camera_names == ("image_00", "image_01")
     assert drive[0].image.shape == (16, 24, 3)
     with pytest.raises(DriveError, match="no camera '2'; available cameras: image_00, image_01"):
         open_drive(tmp_path, camera="2")

@@ -9,7 +9,7 @@ import pytest
 from drive_layouts import write_text
 from scipy.spatial.transform import Rotation
 
-from intervis.drives import open_drive
+from intervis.drives import las_mapping, open_drive
 from intervis.drives.las_header import read_las_header
 from intervis.drives.las_mapping import read_trajectory
 from intervis.errors import CalibrationError, DriveError, ScanError
@@ -84,6 +84,20 @@ def test_scans_have_the_points_of_their_time_seen_from_the_scanner(tmp_path, end
         # x points ahead, to the north-east; y to the left, z up.
         s = np.sqrt(0.5)
         assert np.allclose(frame.pose[:3, :3], [[s, -s, 0], [s, s, 0], [0, 0, 1]], atol=1e-9)
+
+
+@pytest.mark.parametrize("ending", ["las", "laz"])
+def test_a_file_is_read_in_parts(tmp_path, monkeypatch, ending):
+    path = write_las(tmp_path / f"a.{ending}", *world())
+    write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
+    whole = list(open_drive(path))
+    monkeypatch.setattr(las_mapping, "PART_BYTES", 10_000)
+    sizes = [len(part) for part in las_mapping._parts(path)]
+    assert len(sizes) > 10
+    assert sum(sizes) == 4000
+    for one, other in zip(whole, open_drive(path), strict=True):
+        assert np.array_equal(one.points, other.points)
+        assert np.array_equal(one.attributes["time_s"], other.attributes["time_s"])
 
 
 @pytest.mark.parametrize(

@@ -120,17 +120,18 @@ def test_fields_of_several_values_and_a_count_of_zero():
         ("time", "f4", [-0.05, 0.0], [-0.05, 0]),
         ("timestamp", "f8", [1_700_000_000.25, 1_700_000_000.35], [0, 0.1]),
         ("timestamp", "f8", [1.70000000025e18, 1.70000000035e18], [0, 0.1]),
+        ("timestamp", "f8", [np.nan, 1_700_000_000.35], [np.nan, 0.1]),
         ("intensity", "f4", [0.0, 1.0], None),
     ],
 )
 def test_times_of_points_are_seconds_after_the_stamp(name, kind, values, expected):
     rows = [(1, 2, 3, value) for value in values]
     attributes = read(message(rows, [*XYZ, (name, kind, 12)])).attributes
-    assert np.array_equal(attributes[name], np.array(values, kind))
+    assert np.array_equal(attributes[name], np.array(values, kind), equal_nan=True)
     if expected is None:
         assert "time_s" not in attributes
     else:
-        assert np.allclose(attributes["time_s"], expected, rtol=0, atol=1e-6)
+        assert np.allclose(attributes["time_s"], expected, rtol=0, atol=1e-6, equal_nan=True)
 
 
 @pytest.mark.parametrize(

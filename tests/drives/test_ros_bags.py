@@ -204,6 +204,26 @@ def test_a_cloud_without_stamp_has_the_time_of_its_recording(tmp_path):
     assert open_drive(tmp_path / "a.bag")[0].timestamp_ns == START_NS + 700
 
 
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_message_that_is_no_cloud_fails_its_own_frame(tmp_path, caplog, kind):
+    path = recording_path(tmp_path, kind)
+    with Recorder(path, kind) as recorder:
+        for nth in range(4):
+            recorder.write_odometry(moved(nth, 0), nth * STEP_NS, child="velodyne")
+            recorder.write_cloud(room(nth), nth * STEP_NS)
+        connection = recorder.connections["/points"]
+        recorder.writer.write(connection, START_NS + STEP_NS + 7, b"no cloud at all")
+    drive, said = warnings_of(caplog, path)
+    assert drive.frame_numbers == (0, 1, 2, 3, 4)
+    assert drive.timestamps_ns[2] == START_NS + STEP_NS + 7  # when it was recorded
+    with pytest.raises(ScanError, match="holds a message that is no PointCloud2"):
+        drive[2]
+    assert np.array_equal(drive[3].points, room(2))
+    assert np.allclose(drive[3].pose, moved(2, 0), rtol=0, atol=1e-6)
+    assert len(said) == 1
+    assert "do not cover the times of 1 of its 5 clouds" in said[0]
+
+
 def warnings_of(caplog, path):
     caplog.clear()
     with caplog.at_level(logging.WARNING):
@@ -336,6 +356,56 @@ def test_a_cut_recording_gives_what_comes_before(tmp_path, caplog, kind, compres
             assert np.allclose(drive[number].pose, moved(number, 0), rtol=0, atol=1e-6)
         assert len(said) == 1
         assert f"{file} is damaged: it ends within a record at " in said[0]
+
+
+def test_a_chunk_that_was_never_closed_is_read(tmp_path, caplog):
+    """rosbag writes the size of a chunk when it is full; until then it is 0."""
+    path = tmp_path / "a.bag"
+    with Recorder(path, "ros1") as recorder:
+        for nth in range(3):
+            recorder.write_odometry(moved(nth, 0), nth * STEP_NS, child="velodyne")
+            recorder.write_cloud(room(nth), nth * STEP_NS)
+    content = path.read_bytes()
+    size_at = content.index(b"size=") + 5
+    size = content[size_at : size_at + 4]
+    data_at = content.index(size, size_at + 4)  # the same number before the data
+    end = data_at + 4 + int.from_bytes(size, "little")
+    nothing = bytes(4)
+    opened = content[:size_at] + nothing + content[size_at + 4 : data_at] + nothing
+    path.write_bytes(opened + content[data_at + 4 : end - 1000])  # within the last cloud
+    drive, said = warnings_of(caplog, path)
+    assert drive.frame_numbers == (0, 1)
+    for nth in range(2):
+        assert np.array_equal(drive[nth].points, room(nth))
+        assert np.allclose(drive[nth].pose, moved(nth, 0), rtol=0, atol=1e-6)
+    assert "it ends within a record" in said[0]
+
+
+def test_messages_without_chunks_and_chunks_without_index(tmp_path):
+    """MCAP allows both: taken apart by hand from a file with chunks and indexes."""
+    with Recorder(tmp_path / "drive", "mcap") as recorder:
+        for nth in range(3):
+            recorder.write_odometry(moved(nth, 0), nth * STEP_NS, child="velodyne")
+            recorder.write_cloud(room(nth), nth * STEP_NS)
+    content = only_file(tmp_path / "drive").read_bytes()
+    bare, unindexed, place = content[:8], content[:8], 8
+    while place < len(content) - 8:
+        kind, size = content[place], int.from_bytes(content[place + 1 : place + 9], "little")
+        record = content[place : place + 9 + size]
+        place += len(record)
+        if kind == 6:  # a chunk: times, size, checksum, no compression, and its records
+            bare += record[9 + 28 + 4 + 8 :]
+        elif kind != 7:
+            bare += record
+        unindexed += record if kind in (1, 6, 15) else b""
+    for name, written in (("bare", bare), ("unindexed", unindexed)):
+        path = tmp_path / f"{name}.mcap"
+        path.write_bytes(written)
+        drive = open_drive(path)
+        assert drive.frame_numbers == (0, 1, 2)
+        for nth in range(3):
+            assert np.array_equal(drive[nth].points, room(nth))
+            assert np.allclose(drive[nth].pose, moved(nth, 0), rtol=0, atol=1e-6)
 
 
 def test_a_cut_database_is_told(tmp_path):

@@ -170,7 +170,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     found = {number: main.pose(number) for number in numbers}
     poses = {number: pose for number, pose in found.items() if pose is not None}
     lack = next((way.lack for way in main.ways.values() if way.lack), "")
-    if lack:
+    if lack and not poses:
         log.warning("%s has no poses: %s.", path, lack)
     elif len(poses) < len(found):
         log.warning(
