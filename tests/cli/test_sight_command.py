@@ -59,7 +59,7 @@ def test_the_blocker_is_on_the_wall(wall, capsys):
         (["--from", "0,0,0", "--to", "1,2,3", "--frame", "7"], "no frame 7"),
         (["--from", "0,0,0", "--to", "1,2,3", "--frames", "0:2"], "by their poses"),
         (["--from", "0,0,0", "--to", "1,2,3", "--frames", "x"], "--frames must be A:B"),
-        (["--from", "0,0,0"], "--to"),
+        (["--from", "0,0,0"], "--to X,Y,Z, or many with --targets"),
         (["--from", "0,0,0", "--to", "1,2,3", "--risk", "0.5"], "--risk must be from 0.001 to 0.2"),
     ],
 )

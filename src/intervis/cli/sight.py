@@ -1,4 +1,4 @@
-"""``intervis sight``: one sight line, with an explanation."""
+"""``intervis sight``: sight lines from one place, with explanations."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,11 +12,13 @@ from intervis.cli.terminal import progress, show
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from intervis.arrays import Float64Array
     from intervis.drives import Drive, Frame
     from intervis.progress import Progress
     from intervis.sight import Explanation, Scene
 
 Point = tuple[float, float, float]
+STATE_NAMES = ("visible", "occluded", "unknown")
 
 
 def sight(
@@ -29,10 +31,25 @@ def sight(
             help="Start: coordinates in the sensor frame, metres, or a name.",
         ),
     ],
-    end: Annotated[
-        str,
-        typer.Option("--to", metavar="X,Y,Z|camera|sensor", help="End, in the same form."),
-    ],
+    ends: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--to", metavar="X,Y,Z|camera|sensor", help="End, in the same form; may be repeated."
+        ),
+    ] = None,
+    targets: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|returns",
+            help="Many ends: the points of a file in the sensor frame, or the returns of frame N.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write the answers for all ends as .csv, .json, .npz or .ply."
+        ),
+    ] = None,
     frame: Annotated[
         int | None,
         typer.Option("--frame", metavar="N", help="Frame number; default: the first."),
@@ -59,20 +76,29 @@ def sight(
     ] = None,
     camera: CameraName = None,
 ) -> None:
-    """Explain one sight line.
+    """Explain sight lines from one place.
 
-    Prints its state, the probability that it is open, the blocker, and the clearance.
+    Prints the state of each line, the probability that it is open, the blocker, and the clearance;
+    of the lines to many targets, how many have which state.
     """
+    from intervis.errors import SettingsError
+
     frame_range = options.frame_range(frames)
-    given_start, given_end = options.place(start, "--from"), options.place(end, "--to")
+    given_start = options.place(start, "--from")
+    given_ends = [options.place(end, "--to") for end in ends or ()]
+    if not given_ends and targets is None:
+        raise SettingsError("give the end of a sight line as --to X,Y,Z, or many with --targets.")
     options.check_picture_file(picture)
+    options.check_output_files({"--picture": picture, "--out": out})
 
     import numpy as np
 
     from intervis.drives import open_drive
-    from intervis.errors import SettingsError
     from intervis.sight import explain
     from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE
+    from intervis.uses.answer_file import check_ending, save_answers
+
+    check_ending(out)
 
     risk = DEFAULT_RISK if risk is None else risk
     if not RISK_RANGE[0] <= risk <= RISK_RANGE[1]:
@@ -80,20 +106,49 @@ def sight(
     drive = open_drive(source, camera=camera)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
     from_point = point_in_frame(now, given_start, "--from")
-    to_point = point_in_frame(now, given_end, "--to")
+    to_points = [point_in_frame(now, end, "--to") for end in given_ends]
+    many = np.concatenate([np.reshape(to_points, (-1, 3)), _targets(now, targets)])
     numbers = _other_frames(drive, now, frame_range)
     with progress("scans", len(numbers) + 2) as advance:
         scene = registered_scene(drive, now, numbers, advance)
         # at the time of frame N, if every scan has a timestamp
         moment_s = None if np.isnan(scene.timestamps_s).any() else 0.0
-        explained = explain(scene, from_point, to_point, risk=risk, moment_s=moment_s)
-        advance("sight line")
+        explained = [
+            explain(scene, from_point, end, risk=risk, moment_s=moment_s) for end in to_points
+        ]
+        answers = scene.sight(from_point, many, risk=risk, moment_s=moment_s)
+        advance("sight lines")
     scans = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
     show(f"{drive.name}, frame {now.number}, {scans}; coordinates in its sensor frame.")
-    show(str(explained))
+    for one in explained:
+        show(str(one))
+    if targets is not None:
+        counts = [f"{int(getattr(answers, name).sum()):,} {name}" for name in STATE_NAMES]
+        show(f"{len(answers):,} lines: {', '.join(counts)}.")
+    if out is not None:
+        save_answers(out, np.array(from_point), many, answers)
+        show(f"Answers: {out}")
     if picture is not None:
-        _draw(picture, now, scene, from_point, to_point, (risk, moment_s), explained)
+        line = (explained[0], np.array(to_points[0])) if explained else (None, None)
+        _draw(picture, now, scene, from_point, (risk, moment_s), *line)
         show(f"Picture: {picture}")
+
+
+def _targets(frame: "Frame", text: str | None) -> "Float64Array":
+    """(M, 3) targets of ``--targets``: finite points of a file, or the returns of the frame."""
+    import numpy as np
+
+    from intervis.arrays import finite_rows
+
+    if text is None:
+        return np.empty((0, 3))
+    if text == "returns":
+        points = frame.points
+    else:
+        from intervis.drives.scan_file import read_scan
+
+        points = read_scan(Path(text)).points
+    return points[finite_rows(points), :3].astype(np.float64)
 
 
 def point_in_frame(frame: "Frame", place: str | Point, option: str) -> Point:
@@ -161,9 +216,9 @@ def _draw(
     now: "Frame",
     scene: "Scene",
     start: Point,
-    end: Point,
     asked: tuple[float, float | None],
-    explained: "Explanation",
+    explained: "Explanation | None",
+    end: "Float64Array | None",
 ) -> None:
     import numpy as np
 
@@ -174,5 +229,5 @@ def _draw(
     points = now.points[finite_rows(now.points)]
     risk, moment_s = asked
     answers = scene.sight(start, points, risk=risk, moment_s=moment_s)
-    figure = sight_picture(now, answers, np.array(start), explained, np.array(end))
+    figure = sight_picture(now, answers, np.array(start), explained, end)
     save_figure(figure, path, path.suffix[1:].lower())
