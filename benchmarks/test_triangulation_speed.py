@@ -1,7 +1,8 @@
 """Our Delaunay triangulation beside scipy's (Qhull): `make bench`.
 
-Both run in turn in one test, so that a busy machine slows both down. Reported are medians: ours as the time of the test, scipy's and the ratio beside it. To reach:
-10, 65 and 600 ms for 20,000, 127,000 and 1,000,000 positions, a tenth of scipy's time.
+Both run in turn in one test, so that a busy machine slows both down. Reported are medians: ours as
+the time of the test, scipy's and the ratio beside it. To reach: 10, 65 and 600 ms for 20,000,
+127,000 and 1,000,000 positions, a tenth of scipy's time.
 """
 
 from statistics import median
