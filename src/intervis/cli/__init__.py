@@ -16,6 +16,7 @@ COMMANDS = {
     "run": "intervis.cli.run",
     "sight": "intervis.cli.sight",
     "objects": "intervis.cli.objects",
+    "blindspots": "intervis.cli.blind_spots",
     "replay": "intervis.cli.replay",
     "evaluate": "intervis.lab.cli.evaluate",
     "reproduce": "intervis.lab.cli.reproduce",

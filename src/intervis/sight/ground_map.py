@@ -9,7 +9,11 @@ assumption for the prior alone: the height of the nearest known cell, marked by 
 import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array, IntArray
+from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.kernels.terrain import (
+    ASSUMED_OFFSET_M,
+    BORDER_M,
+    CELL_M,
     CELLS,
     assume_ground,
     interpolate,
@@ -55,3 +59,20 @@ def ground_map_of(level: Float64Array, kept: IntArray) -> Float32Array:
     interpolate(height, known)
     assume_ground(height)
     return height
+
+
+def ground_height(scans: PackedScans, xy: Float64Array) -> Float64Array:
+    """Height (N,) of the ground below points (N, 2) of the scene, by the nearest scan; metres.
+
+    Where that scan does not show the ground, that of the nearest cell where it does; NaN if it
+    shows none.
+    """
+    to_scans = np.linalg.norm(xy[:, None] - scans.position[None, :, :2], axis=2)
+    nearest = to_scans.argmin(axis=1)
+    from_sensor = xy - scans.position[nearest, :2]
+    cell = np.floor((from_sensor + BORDER_M) / CELL_M).astype(np.int64) + CELLS // 2
+    a, b = np.clip(cell, 0, CELLS - 1).T
+    ground_m = scans.ground[nearest, a, b].astype(np.float64)
+    assumed = ground_m < -0.5 * ASSUMED_OFFSET_M
+    ground_m += np.where(assumed, ASSUMED_OFFSET_M, 0.0)
+    return np.asarray(scans.position[nearest, 2] + ground_m)

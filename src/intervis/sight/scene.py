@@ -21,6 +21,7 @@ from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.answers import answer_lines, sum_lines
 from intervis.sight.box_sight import BoxSight, box_sight
 from intervis.sight.box_surface import facing_surfaces
+from intervis.sight.ground_map import ground_height
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.kernels.parameters import Thresholds
 from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE, thresholds_for
@@ -344,6 +345,31 @@ class Scene:
         surface = facing_surfaces(start, np.array(poses).reshape(-1, 4, 4), sizes)
         sight = self.sight(start, surface.points, risk=risk, moment_s=moment_s)
         return box_sight(start, surface, sight, len(sizes))
+
+    def ground_height(self, xy: ArrayLike) -> Float64Array:
+        """Height (N,) of the ground below points (N, 2), scene frame, metres.
+
+        From the scan that is nearest to each point. Where it does not show the ground, that of the
+        nearest square metre where it does; NaN if it shows none.
+
+        Raises
+        ------
+        PointsError
+            Wrong shape or type.
+        SceneError
+            The scene holds no scan.
+
+        Examples
+        --------
+        >>> x, y = np.meshgrid(np.arange(-9, 9, 0.2), np.arange(-9, 9, 0.2))
+        >>> flat = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1)
+        >>> Scene.from_scan(flat).ground_height([[3.0, 4.0], [20.0, 0.0]])
+        array([-2., -2.])
+        """
+        points = array_of(xy, "xy").astype(np.float64)
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise PointsError(f"xy must have the shape (N, 2), got {points.shape}.")
+        return ground_height(self.packed_scans(), points)
 
     def unobserved_length(
         self, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None

@@ -1,0 +1,103 @@
+"""``intervis blindspots``: ground around a place where something could stand unseen."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from intervis.cli import options
+from intervis.cli.run import CameraName, Source
+from intervis.cli.sight import point_in_frame, registered_scene
+from intervis.cli.terminal import progress, show
+
+if TYPE_CHECKING:
+    from intervis.uses.visibility_grid import VisibilityGrid
+
+SHOWN_SPOTS = 20
+
+
+def blindspots(
+    source: Source,
+    frame: Annotated[
+        int | None, typer.Option("--frame", metavar="N", help="Frame number; default: the first.")
+    ] = None,
+    start: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            metavar="X,Y,Z|camera|sensor",
+            help="Viewpoint: coordinates in the sensor frame, metres, or a name.",
+        ),
+    ] = "sensor",
+    reach: Annotated[float, typer.Option(metavar="M", help="How far to look, metres.")] = 40.0,
+    cell: Annotated[float, typer.Option(metavar="M", help="Edge of a cell, metres.")] = 0.4,
+    height: Annotated[
+        float, typer.Option(metavar="M", help="Height above ground that must be seen, metres.")
+    ] = 1.0,
+    geojson: Annotated[
+        Path | None, typer.Option(metavar="FILE.geojson", help="Write the outlines.")
+    ] = None,
+    grid_file: Annotated[
+        Path | None,
+        typer.Option("--grid", metavar="FILE.npz|FILE.pgm", help="Write the grid of cells."),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE.png|FILE.svg", help="Draw the grid from above.")
+    ] = None,
+    camera: CameraName = None,
+) -> None:
+    """List the connected ground that is occluded or unknown, from one scan.
+
+    Each spot has its area, its nearest distance, what could hide in it, and what hides it.
+    """
+    place = options.place(start, "--from")
+    options.check_output_files({"--geojson": geojson, "--grid": grid_file, "--picture": picture})
+    options.check_picture_file(picture)
+
+    import json
+
+    from intervis.drives import open_drive
+    from intervis.files import write_text
+    from intervis.uses.blind_spots import blind_spots, geojson_of, spot_table
+    from intervis.uses.grid_file import check_grid_file, save_grid
+    from intervis.uses.visibility_grid import visibility_grid
+
+    check_grid_file(grid_file)
+    drive = open_drive(source, camera=camera)
+    now = drive[drive.frame_numbers[0] if frame is None else frame]
+    with progress("blind spots", 3) as advance:
+        scene = registered_scene(drive, now, ())
+        advance("scan")
+        viewpoint = point_in_frame(now, place, "--from")
+        grid = visibility_grid(
+            scene, viewpoint, now.points, reach_m=reach, cell_m=cell, height_m=height
+        )
+        advance("cells")
+        spots = blind_spots(grid)
+        advance("spots")
+    show(f"{drive.name}, frame {now.number}; coordinates in its sensor frame. {_shares(grid)}")
+    show(spot_table(spots[:SHOWN_SPOTS]).as_text())
+    if len(spots) > SHOWN_SPOTS:
+        show(f"and {len(spots) - SHOWN_SPOTS} more, farther away: --geojson writes all.")
+    if geojson is not None:
+        write_text(geojson, json.dumps(geojson_of(spots, grid), allow_nan=False) + "\n")
+    if grid_file is not None:
+        save_grid(grid_file, grid)
+    if picture is not None:
+        from intervis.plots.style import save_figure
+        from intervis.uses.grid_figure import grid_picture
+
+        save_figure(grid_picture(grid, spots), picture, picture.suffix[1:].lower())
+    for name, path in (("Outlines", geojson), ("Grid", grid_file), ("Picture", picture)):
+        if path is not None:
+            show(f"{name}: {path}")
+
+
+def _shares(grid: "VisibilityGrid") -> str:
+    import numpy as np
+
+    known = np.isfinite(grid.ground_m)
+    if not known.any():
+        return "No ground was found."
+    visible, occluded = (100 * float(np.mean(grid.state[known] == value)) for value in (1, 0))
+    return f"Of the cells {visible:.0f} % are visible, {occluded:.0f} % occluded."
