@@ -8,6 +8,7 @@ import pytest
 
 from intervis.errors import SettingsError
 from intervis.lab.cli.matrix import matrix
+from intervis.lab.truth import matrix_baselines
 from intervis.lab.truth.baselines import InputScans
 from intervis.lab.truth.cells import cells, exact_lines
 from intervis.lab.truth.label_check import check_labels
@@ -115,3 +116,14 @@ def _up(height_m: float) -> np.ndarray:
     shift = np.zeros((4, 4))
     shift[2, 3] = height_m
     return shift
+
+
+def test_the_folder_of_the_tables_is_made_before_the_work(tmp_path, monkeypatch) -> None:
+    seen = []
+    monkeypatch.setattr(
+        matrix_baselines, "run_methods", lambda *_: seen.append(out.is_dir()) or ((), (), 0)
+    )
+    out = tmp_path / "new" / "tables"
+    matrix(scanners="ring", mounts="upright", worlds="hall", baselines=True, out=out)
+    assert seen == [True]
+    assert (out / "baselines.md").is_file()

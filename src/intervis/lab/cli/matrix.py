@@ -40,7 +40,7 @@ def matrix(
     ] = False,
 ) -> None:
     """Score the engine in generated worlds for each scanner and mount."""
-    from intervis.files import write_bytes
+    from intervis.files import make_folder, write_bytes
     from intervis.lab.truth.cells import KINDS, cells
     from intervis.lab.truth.matrix import evaluate_cells, matrix_table, worst_cell
     from intervis.lab.worlds.beam_pattern import PATTERNS
@@ -55,6 +55,8 @@ def matrix(
         raise SettingsError(
             "--labels checks labels, --baselines scores methods: choose one of them."
         )
+    if out is not None:
+        make_folder(out)  # before minutes of work, not after them
     if labels:
         if scanners or mounts or worlds:
             raise SettingsError("--labels takes all worlds and two scanners: leave out the names.")
