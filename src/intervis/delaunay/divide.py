@@ -20,13 +20,14 @@ from intervis.delaunay.order import BY_SQUARE, DEEPEST, SQUARE, place
 from intervis.delaunay.predicates import incircle, turn
 from intervis.kernels import kernel
 
-NEXT, PREVIOUS, ORIGIN, FACE = 0, 1, 2, 3
+# numba compiles a kernel again for each plain number that it is called with. These are typed.
+NEXT, PREVIOUS, ORIGIN, FACE = (np.int64(number) for number in range(4))
 """Places among the four integers of an edge."""
 
 LAST_CUT = 32767
 """A number above those of all cuts."""
 
-UNUSED, USED, OUTSIDE = 0, -1, -2
+UNUSED, USED, OUTSIDE = np.int64(0), np.int64(-1), np.int64(-2)
 """What the fourth integer of an edge says before the triangles are numbered. It is USED for an edge
 of the triangulation, OUTSIDE if the outside lies on its left. Edges that are not in use form a
 list: NEXT is the distance to the next one, less two. So zeros are a list of all edges in turn."""
@@ -333,12 +334,12 @@ def _remove(links: Int32Array, edge: int, free: int) -> int:
 
 
 @kernel
-def get(links: Int32Array, edge: int, which: int) -> Any:
+def get(links: Int32Array, edge: int, which: Any) -> Any:
     """One of the four integers of an edge. An unsigned index needs no test for negative ones."""
     return np.int64(links[np.uint64(4 * edge + which)])
 
 
 @kernel
-def put(links: Int32Array, edge: int, which: int, value: int) -> None:
+def put(links: Int32Array, edge: int, which: Any, value: Any) -> None:
     """Change one of the four integers of an edge."""
     links[np.uint64(4 * edge + which)] = value
