@@ -16,7 +16,10 @@ from intervis.drives.pose_track import PoseTrack
 from intervis.errors import DriveError
 from intervis.transform import inverse
 
-TIME_NAMES = ("offset_ns", "t", "time", "timestamp", "offset_time", "time_offset", "time_stamp")
+TIME_NAMES = (
+    *("time_s", "offset_ns", "t", "time", "timestamp"),
+    *("offset_time", "time_offset", "time_stamp", "timestamps"),
+)
 """Names of the times of points in files, drivers and messages."""
 
 SWEEP_S = (2e-3, 2.0)
