@@ -102,7 +102,7 @@ class McapFile:
                 for entry in entries:
                     try:
                         yield self._content(file, end, entry, most)
-                    except (DamageError, ScanError):
+                    except ScanError:
                         yield None
         except OSError as error:
             raise ScanError(f"cannot read {self.path}: {error.strerror}.") from None
@@ -162,7 +162,7 @@ class McapFile:
             for nth in range(len(self._chunks)):  # channels are in chunks, and in the summary
                 if not self._entries.keys() <= self._topic_of.keys():
                     self._scan(nth, definitions_only=True)
-        except (DamageError, ScanError) as error:
+        except ScanError as error:
             self.damage = self.damage or str(error).rstrip(".")
 
     def _add(self, source: BinaryIO, record: _Record, chunk: int) -> None:

@@ -75,7 +75,7 @@ class Chunk(NamedTuple):
     whole_bytes: int
 
 
-class DamageError(Exception):
+class DamageError(ScanError):
     """A record does not hold what it declares."""
 
 

@@ -121,7 +121,7 @@ class Rosbag1File:
                 for entry in entries:
                     try:
                         yield self._content(file, end, entry, most)
-                    except (DamageError, ScanError):
+                    except ScanError:
                         yield None
         except OSError as error:
             raise ScanError(f"cannot read {self.path}: {error.strerror}.") from None
@@ -178,7 +178,7 @@ class Rosbag1File:
             for nth in range(len(self._chunks)):  # a bag that was cut has its connections there
                 if not self._entries.keys() <= self._topic_of.keys():
                     self._scan(nth, connections_only=True)
-        except (DamageError, ScanError) as error:
+        except ScanError as error:
             self.damage = self.damage or str(error).rstrip(".")
 
     def _add(self, source: BinaryIO, record: _Record, chunk: int) -> None:

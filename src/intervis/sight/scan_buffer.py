@@ -84,7 +84,8 @@ class ScanBuffer:
             return copy
 
     def __len__(self) -> int:
-        return len(self._entries)
+        with self.lock:  # while a scan replaces the only one, there is none for a moment
+            return len(self._entries)
 
     @property
     def bytes(self) -> int:
