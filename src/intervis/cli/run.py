@@ -112,18 +112,16 @@ def show_report(
     out: Path,
     *,
     source_note: str = "",
-    with_sight: bool = False,
 ) -> None:
     """Write pictures, tables and a page, and print their paths."""
     from intervis.run.report import report_run, report_steps
 
-    with progress("report", report_steps(drive, with_sight=with_sight)) as advance:
+    with progress("report", report_steps(drive)) as advance:
         report = report_run(
             drive,
             summary,
             out,
             source_note=source_note,
-            with_sight=with_sight,
             progress=advance,
         )
     for path in report.paths[1:]:

@@ -10,7 +10,7 @@ import numpy as np
 from intervis.arrays import finite_rows
 from intervis.errors import MissingExtraError, OutputError
 from intervis.files import write_text
-from intervis.plots.page import Page, Picture
+from intervis.plots.page import Page, Picture, Remark
 from intervis.plots.tables import Table
 from intervis.progress import Progress, silent
 from intervis.run.frame_file import frame_path, load_analysis
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from intervis.run.stream import RunSummary
 
 PICTURES = {
+    "sight": (
+        "Sight lines from a viewpoint ahead",
+        "Sight lines from the viewpoint (star) to every return of the same scan. Visible: beams"
+        " passed through the space between. Occluded: an observed surface lies between. Unknown:"
+        " the space between was not observed, or the evidence is not decisive.",
+    ),
     "overview": (
         "Overview",
         "Camera image, scan and result of the method. Orange: the intervisible region for the"
@@ -45,14 +51,14 @@ PICTURES = {
         "The finite elements from above, with the intervisibility points, edges and region of"
         " Algorithm 1. Right: the near part, enlarged.",
     ),
-    "sight": (
-        "Sight lines from a viewpoint ahead",
-        "Sight lines from the viewpoint (star) to every return of the same scan. Visible: beams"
-        " passed through the space between. Occluded: an observed surface lies between. Unknown:"
-        " the space between was not observed, or the evidence is not decisive.",
-    ),
 }
 """Heading and caption of each picture, by file name."""
+
+PAPER_REMARK = Remark(
+    "Intervisible points, edges and region.",
+    "The region is the paper's. It is not what the viewpoint sees: its nodes are visible hardly"
+    " more often than others. Sight lines, above, answer what is visible.",
+)
 
 AHEAD_M = 8.0
 """Distance of the viewpoint of the sight lines shown, ahead of the sensor."""
@@ -72,7 +78,6 @@ def report_run(
     out: Path,
     *,
     source_note: str = "",
-    with_sight: bool = False,
     progress: Progress | None = None,
 ) -> RunReport:
     """Draw the middle frame of a run, and write tables and page.
@@ -87,8 +92,6 @@ def report_run(
         Folder for ``index.html``, ``measures.md``, ``measures.csv``, ``pictures/*.png``.
     source_note : str
         A sentence about the drive for the head of the page.
-    with_sight : bool
-        Whether to show sight lines from a viewpoint ahead of the sensor as well.
     progress : callable, optional
         Called `report_steps` times, after each picture and after the page.
 
@@ -101,7 +104,7 @@ def report_run(
     if not summary.frames:
         raise OutputError(f"the run in {summary.out} has no frame with a result.")
     number = summary.frames[len(summary.frames) // 2].number
-    pictures, missing = _pictures(drive, summary, number, out / "pictures", with_sight, progress)
+    pictures, missing = _pictures(drive, summary, number, out / "pictures", progress)
     every_frame = measures_table(summary.frames, few=None)
     times = times_table(summary.content["times_s"], len(summary.frames))
     lead = _lead(summary, number, source_note, missing)
@@ -136,9 +139,9 @@ def check_report(out: Path, run: Path) -> None:
             )
 
 
-def report_steps(drive: "Drive", *, with_sight: bool = False) -> int:
+def report_steps(drive: "Drive") -> int:
     """Number of steps that `report_run` reports: the pictures, and the page."""
-    return len(PICTURES) - (drive.camera is None) - (not with_sight) + 1
+    return len(PICTURES) - (drive.camera is None) + 1
 
 
 def _pictures(
@@ -146,7 +149,6 @@ def _pictures(
     summary: "RunSummary",
     number: int,
     folder: Path,
-    with_sight: bool,
     progress: Progress,
 ) -> tuple[list[Picture], str | None]:
     from intervis.plots.figures import save_pictures
@@ -154,22 +156,25 @@ def _pictures(
     analysis = load_analysis(frame_path(summary.out, number))
     try:
         frame = drive[number]
-        paths = save_pictures(frame, analysis, folder, progress=progress)
-        if with_sight:
-            paths.append(_save_sight(frame, folder / "sight.png"))
-            progress("sight")
+        sight = _save_sight(frame, folder)
+        progress("sight")
+        paths = [sight, *save_pictures(frame, analysis, folder, progress=progress)]
     except MissingExtraError as error:
         return [], f"the report has no pictures. {error}"
     return [Picture(path, *PICTURES[path.stem]) for path in paths], None
 
 
-def _save_sight(frame: "Frame", path: Path) -> Path:
+def _save_sight(frame: "Frame", folder: Path) -> Path:
     """Draw which returns of a scan are visible from a viewpoint ahead of its sensor."""
+    from intervis.files import make_folder
     from intervis.plots.sight_figure import sight_picture
-    from intervis.plots.style import save_figure
+    from intervis.plots.style import require_matplotlib, save_figure
     from intervis.sight import Scene
 
+    require_matplotlib()  # before a folder is made for nothing
     points = frame.points[finite_rows(frame.points), :3]
+    make_folder(folder)
+    path = folder / "sight.png"
     scene, ahead = Scene(), np.array([AHEAD_M, 0.0, 0.0])
     scene.add(points, None, 0.0)
     save_figure(sight_picture(frame, scene.sight(ahead, points, moment_s=0.0), ahead), path)
@@ -194,12 +199,14 @@ def _page(
     source, settings, machine = content["input"], content["settings"], content["machine"]
     chosen = ", ".join(f"{name} = {value}" for name, value in settings.items())
     versions = ", ".join(f"{name} {version}" for name, version in content["versions"].items())
-    parts: list[Picture | Table | str] = [*pictures[:1], "Measures", tables[0], "Times", tables[1]]
-    sights = [picture for picture in pictures if picture.path.stem == "sight"]
-    steps = [picture for picture in pictures[1:] if picture not in sights]
-    for heading, shown in (("Steps of the method", steps), ("Sight lines", sights)):
-        if shown:
-            parts += [heading, *shown]
+    sights, whole, steps = pictures[:1], pictures[1:2], pictures[2:]
+    parts: list[Picture | Table | Remark | str] = []
+    if sights:
+        parts += ["What a place ahead sees", *sights]
+    parts += ["The paper's method", PAPER_REMARK, *whole]
+    parts += ["Measures", tables[0], "Times", tables[1]]
+    if steps:
+        parts += ["Steps of the method", *steps]
     return Page(
         title=f"Intervisibility of {source['name']}",
         lead=lead,

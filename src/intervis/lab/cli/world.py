@@ -53,7 +53,7 @@ def demo(
     show_run(summary)
     show(f"Drive: {drive.root}")
     note = f"A simulated drive through the built-in street, seed {seed}."
-    show_report(drive, summary, out, source_note=note, with_sight=True)
+    show_report(drive, summary, out, source_note=note)
     return 1 if summary.failures else 0
 
 
