@@ -1,0 +1,33 @@
+"""The examples run as they stand, on the built-in street."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"))
+SAID = {
+    "visible_returns": ("visible", "Occluded: "),
+    "blind_spots": ("m away:", "could hide: car"),
+    "stream": (
+        "while scans arrive: <Sight: 5,000 lines",
+        "with all of them:   <Sight: 5,000 lines",
+    ),
+}
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs(path: Path) -> None:
+    pytest.importorskip("embreex", reason="embreex, which scans the street, is not installed")
+    done = subprocess.run(
+        [sys.executable, str(path)], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    for words in SAID[path.stem]:
+        assert words in done.stdout
+
+
+def test_every_example_is_there() -> None:
+    assert {path.stem for path in EXAMPLES} == set(SAID)
