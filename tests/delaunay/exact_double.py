@@ -4,6 +4,8 @@ from collections import Counter
 from fractions import Fraction
 from itertools import combinations
 
+import numpy as np
+
 Point = tuple[Fraction, Fraction]
 
 
@@ -120,3 +122,8 @@ def all_triangles(positions) -> set[tuple[int, ...]]:
         if not any(inside(a, b, c, points[row]) for row in rows if row not in three):
             found.add(three)
     return found
+
+
+def last_bits(values: np.ndarray) -> np.ndarray:
+    """Distance to the next doubles; of values near 0 that of 1e-40: smaller ones may count as 0."""
+    return np.spacing(np.maximum(np.abs(values), 1e-40))

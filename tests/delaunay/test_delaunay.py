@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from exact_double import all_triangles, check, exact, inside, turn
+from exact_double import all_triangles, check, exact, inside, last_bits, turn
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
@@ -121,7 +121,7 @@ def test_steps_of_the_last_bit(seed, count, x, y, steps):
     """Positions around one place, a few units in the last place away from it."""
     rng = np.random.default_rng(seed)
     place = np.array([x, y])
-    checked(place + np.spacing(place) * rng.integers(-steps, steps + 1, (count, 2)))
+    checked(place + last_bits(place) * rng.integers(-steps, steps + 1, (count, 2)))
 
 
 @given(seeds, lengths, lengths, st.integers(1, 25))
@@ -130,7 +130,7 @@ def test_a_line_disturbed_in_the_last_bit(seed, dx, dy, count):
     rng = np.random.default_rng(seed)
     along = rng.uniform(1, 2, (count, 1))
     line = along * [dx, dy] + 0.5
-    line += np.spacing(line) * rng.integers(-1, 2, line.shape)
+    line += last_bits(line) * rng.integers(-1, 2, line.shape)
     checked(np.vstack([line, line[::3], [[0.5, 0.7]]]))
 
 

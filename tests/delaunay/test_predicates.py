@@ -38,7 +38,7 @@ def test_turn(three):
 def test_turn_of_positions_on_a_line_but_for_the_last_bit(two, eighths, up, right):
     a, b = np.array(two)
     c = a + (b - a) * eighths / 8
-    c += np.spacing(c) * [up, right]
+    c += exact_double.last_bits(c) * [up, right]
     three = [a, b, c]
     assert sign(turn(*np.ravel(three))) == sign(exact_double.turn(*exact_double.exact(three)))
 
@@ -74,7 +74,7 @@ def test_incircle(four):
 def test_incircle_of_corners_of_a_rectangle_but_for_the_last_bit(x, y, half, signs, bits):
     """Four positions on a circle, or as nearly as doubles can be."""
     four = np.array([x, y]) + np.array(half) * signs
-    four[3] += np.spacing(four[3]) * bits
+    four[3] += exact_double.last_bits(four[3]) * bits
     four = left_turning(four)
     if four is not None and tuple(four[3]) not in {tuple(p) for p in four[:3]}:
         assert incircle(*np.ravel(four)) == expected_inside(four)
