@@ -5,27 +5,21 @@ whose recorder was killed, which has no index at its end, is read up to its dama
 Source: wiki.ros.org/Bags/Format/2.0.
 """
 
-import contextlib
-import io
 import struct
-from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from intervis.drives.chunked_file import ChunkedFile, span
 from intervis.drives.message_file import (
     ENTRY,
     Chunk,
     DamageError,
     Topic,
-    chunk_records,
     kind_of,
     topic_of,
 )
-from intervis.drives.regular_file import open_regular
 from intervis.errors import ScanError
 
 MAGIC = b"#ROSBAG V2.0\n"
@@ -71,7 +65,7 @@ class _Record(NamedTuple):
         return int(seconds) * 10**9 + int(nanoseconds)
 
 
-class Rosbag1File:
+class Rosbag1File(ChunkedFile[_Record]):
     """The messages of a bag; see `message_file.MessageFile`.
 
     Raises
@@ -80,73 +74,18 @@ class Rosbag1File:
         The file is no bag of version 2.0.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.topics: dict[str, Topic] = {}
-        self.damage = ""
-        self._chunks: list[Chunk] = []
-        self._entries: dict[int, list[NDArray[Any]]] = defaultdict(list)
-        self._topic_of: dict[int, str] = {}
-        try:
-            with open_regular(path) as file:
-                self._index(file)
-        except OSError as error:
-            raise ScanError(f"cannot read {path}: {error.strerror}.") from None
+    def _records(self, source: BinaryIO, start: int, end: int) -> Iterator[_Record]:
+        return _records(source, start, end)
 
-    def entries(self, topic: str) -> NDArray[Any]:
-        """See `message_file.MessageFile`; several connections may share a topic."""
-        found = [
-            part
-            for connection, parts in self._entries.items()
-            if self._topic_of.get(connection) == topic
-            for part in parts
-        ]
-        return np.concatenate(found) if found else np.empty(0, ENTRY)
+    def _is_definition(self, record: _Record) -> bool:
+        return record.kind == CONNECTION
 
-    def read(self, entry: Any, most: int | None = None) -> bytes:
-        """See `message_file.MessageFile`."""
-        try:
-            with open_regular(self.path) as file:
-                return self._content(file, file.seek(0, 2), entry, most)
-        except DamageError as error:
-            raise ScanError(f"{self.path} has a damaged message: {error}.") from None
-        except OSError as error:
-            raise ScanError(f"cannot read {self.path}: {error.strerror}.") from None
-
-    def read_many(self, entries: NDArray[Any], most: int | None = None) -> Iterator[bytes | None]:
-        """See `message_file.MessageFile`."""
-        try:
-            with open_regular(self.path) as file:
-                end = file.seek(0, 2)
-                for entry in entries:
-                    try:
-                        yield self._content(file, end, entry, most)
-                    except ScanError:
-                        yield None
-        except OSError as error:
-            raise ScanError(f"cannot read {self.path}: {error.strerror}.") from None
-
-    def _content(self, source: BinaryIO, end: int, entry: Any, most: int | None) -> bytes:
-        """The content of a message; `source` is the file, `end` its size."""
-        number, offset = int(entry["chunk"]), int(entry["offset"])
-        if number >= 0:
-            content = chunk_records(self.path, self._chunks[number])
-            source, end = io.BytesIO(content), len(content)
+    def _message(self, source: BinaryIO, offset: int, end: int) -> tuple[int, int]:
         records = _records(source, offset, end)
         record = next((one for one in records if one.kind != CONNECTION), None)
         if record is None or record.kind != MESSAGE:
             raise DamageError(f"there is none at {offset}")
-        return _span(source, record.place, min(record.size, most or record.size))
-
-    @contextlib.contextmanager
-    def _opened(self, chunk: Chunk) -> Iterator[tuple[BinaryIO, int, int]]:
-        """Where the records of a chunk can be read: source, first, end."""
-        if chunk.compression != PLAIN:
-            content = chunk_records(self.path, chunk)
-            yield io.BytesIO(content), 0, len(content)
-            return
-        with open_regular(self.path) as file:
-            yield file, chunk.place, chunk.place + chunk.bytes
+        return record.place, record.size
 
     # --- the index ---
 
@@ -167,19 +106,13 @@ class Rosbag1File:
                     unindexed = None
                 if record.kind == CHUNK:
                     size, compression = record.number("size"), record.text("compression")
+                    compression = "" if compression == PLAIN else compression
                     self._chunks.append(Chunk(record.place, record.size, compression, size))
                     unindexed = len(self._chunks) - 1
                 self._add(file, record, -1)
         except DamageError as error:
             self.damage = str(error)
-        try:
-            if unindexed is not None:
-                self._scan(unindexed)
-            for nth in range(len(self._chunks)):  # a bag that was cut has its connections there
-                if not self._entries.keys() <= self._topic_of.keys():
-                    self._scan(nth, connections_only=True)
-        except ScanError as error:
-            self.damage = self.damage or str(error).rstrip(".")
+        self._find_topics(unindexed)
 
     def _add(self, source: BinaryIO, record: _Record, chunk: int) -> None:
         """Enter a message that no index names, or a connection."""
@@ -189,53 +122,32 @@ class Rosbag1File:
         elif record.kind == CONNECTION:
             if record.size > MOST_CONNECTION_BYTES:
                 raise DamageError(f"a connection at {record.start} has {record.size} bytes")
-            kind = _fields(_span(source, record.place, record.size)).get("type", b"")
+            kind = _fields(span(source, record.place, record.size)).get("type", b"")
             topic = topic_of(record.text("topic"))
             self._topic_of[record.number("conn")] = topic
             self.topics[topic] = Topic(kind_of(kind.decode(errors="replace")), "ros1")
 
     def _add_index(self, file: BinaryIO, record: _Record) -> None:
         """Enter an index record, which follows its chunk."""
-        chunk = self._chunks[-1]
-        content = _span(file, record.place, record.size)
+        content = span(file, record.place, record.size)
         steps = np.frombuffer(content, STEP, record.size // STEP.itemsize)
-        found = np.empty(len(steps), ENTRY)
-        found["time_ns"] = steps["s"].astype(np.int64) * 10**9 + steps["ns"]
-        is_plain = chunk.compression == PLAIN
-        found["chunk"] = -1 if is_plain else len(self._chunks) - 1
-        found["offset"] = steps["offset"] + np.int64(chunk.place if is_plain else 0)
-        self._entries[record.number("conn")].append(found)
-
-    def _scan(self, number: int, *, connections_only: bool = False) -> None:
-        """Enter what is in a chunk."""
-        chunk = self._chunks[number]
-        with self._opened(chunk) as (source, first, end):
-            for record in _records(source, first, end):
-                if not connections_only or record.kind == CONNECTION:
-                    self._add(source, record, -1 if chunk.compression == PLAIN else number)
+        times_ns = steps["s"].astype(np.int64) * 10**9 + steps["ns"]
+        self._enter(record.number("conn"), times_ns, steps["offset"])
 
 
 def _records(source: BinaryIO, start: int, end: int) -> Iterator[_Record]:
     """The records between two places."""
     while 0 <= start < end:
-        (size,) = struct.unpack("<I", _span(source, start, 4))
+        (size,) = struct.unpack("<I", span(source, start, 4))
         if size > MOST_HEADER_BYTES:
             raise DamageError(f"a record at {start} has a header of {size} bytes")
-        fields = _fields(_span(source, start + 4, size))
+        fields = _fields(span(source, start + 4, size))
         place = start + 8 + size
-        (data,) = struct.unpack("<I", _span(source, place - 4, 4))
+        (data,) = struct.unpack("<I", span(source, place - 4, 4))
         if place + data > end:
             raise DamageError(f"it ends within a record at {start}")
         yield _Record(start, fields, place, data)
         start = place + data
-
-
-def _span(source: BinaryIO, place: int, size: int) -> bytes:
-    source.seek(place)
-    content = source.read(size)
-    if len(content) < size:
-        raise DamageError(f"it ends within a record at {place}")
-    return content
 
 
 def _fields(header: bytes) -> dict[str, bytes]:
