@@ -154,6 +154,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("targets", nargs="*", help="names of targets; default: all")
     options = parser.parse_args(arguments)
     names = options.targets or list(targets())
+    unknown = sorted(set(names) - set(targets()))
+    if unknown:
+        parser.error(f"no target {', '.join(unknown)}; there are: {', '.join(targets())}")
     work = partial(fuzz, count=options.count, seed=options.seed, keep=options.keep)
     print(f"{'target':28s} {'runs':>7s} {'read':>7s} {'refused':>7s} {'raw':>5s} {'slow':>5s}")
     faulty = 0

@@ -7,7 +7,7 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
-from intervis.cli.sight import point_in_frame, registered_scene
+from intervis.cli.sight import FROM, FrameNumber, point_in_frame, registered_scene
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -18,17 +18,8 @@ SHOWN_SPOTS = 20
 
 def blindspots(
     source: Source,
-    frame: Annotated[
-        int | None, typer.Option("--frame", metavar="N", help="Frame number; default: the first.")
-    ] = None,
-    start: Annotated[
-        str,
-        typer.Option(
-            "--from",
-            metavar="X,Y,Z|camera|sensor",
-            help="Viewpoint: coordinates in the sensor frame, metres, or a name.",
-        ),
-    ] = "sensor",
+    frame: FrameNumber = None,
+    start: Annotated[str, FROM] = "sensor",
     reach: Annotated[float, typer.Option(metavar="M", help="How far to look, metres.")] = 40.0,
     cell: Annotated[float, typer.Option(metavar="M", help="Edge of a cell, metres.")] = 0.4,
     height: Annotated[
@@ -52,6 +43,8 @@ def blindspots(
     """
     place = options.place(start, "--from")
     options.check_output_files({"--geojson": geojson, "--grid": grid_file, "--picture": picture})
+    if grid_file is not None and grid_file.suffix.lower() == ".pgm":
+        options.check_output_file(grid_file.with_suffix(".yaml"))
     options.check_picture_file(picture)
 
     import json

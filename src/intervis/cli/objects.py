@@ -7,7 +7,7 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
-from intervis.cli.sight import point_in_frame, registered_scene
+from intervis.cli.sight import FROM, point_in_frame, registered_scene
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -19,14 +19,7 @@ def objects(
     frames: Annotated[
         str | None, typer.Option(metavar="A:B", help="Frames A to B - 1; default: all.")
     ] = None,
-    start: Annotated[
-        str,
-        typer.Option(
-            "--from",
-            metavar="X,Y,Z|camera|sensor",
-            help="Viewpoint: coordinates in the sensor frame, metres, or a name.",
-        ),
-    ] = "sensor",
+    start: Annotated[str, FROM] = "sensor",
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Write the table of objects.")
     ] = None,

@@ -15,22 +15,23 @@ if TYPE_CHECKING:
     from intervis.arrays import Float64Array
     from intervis.drives import Drive, Frame
     from intervis.progress import Progress
-    from intervis.sight import Explanation, Scene
+    from intervis.sight import Explanation, Scene, Sight
 
 Point = tuple[float, float, float]
+FrameNumber = Annotated[
+    int | None, typer.Option("--frame", metavar="N", help="Frame number; default: the first.")
+]
+FROM = typer.Option(
+    "--from",
+    metavar="X,Y,Z|camera|sensor",
+    help="Viewpoint: coordinates in the sensor frame, metres, or a name.",
+)
 STATE_NAMES = ("visible", "occluded", "unknown")
 
 
 def sight(
     source: Source,
-    start: Annotated[
-        str,
-        typer.Option(
-            "--from",
-            metavar="X,Y,Z|camera|sensor",
-            help="Start: coordinates in the sensor frame, metres, or a name.",
-        ),
-    ],
+    start: Annotated[str, FROM],
     ends: Annotated[
         list[str] | None,
         typer.Option(
@@ -50,10 +51,7 @@ def sight(
             metavar="FILE", help="Write the answers for all ends as .csv, .json, .npz or .ply."
         ),
     ] = None,
-    frame: Annotated[
-        int | None,
-        typer.Option("--frame", metavar="N", help="Frame number; default: the first."),
-    ] = None,
+    frame: FrameNumber = None,
     frames: Annotated[
         str | None,
         typer.Option(
@@ -123,8 +121,7 @@ def sight(
     for one in explained:
         show(str(one))
     if targets is not None:
-        counts = [f"{int(getattr(answers, name).sum()):,} {name}" for name in STATE_NAMES]
-        show(f"{len(answers):,} lines: {', '.join(counts)}.")
+        show(_counts(answers))
     if out is not None:
         save_answers(out, np.array(from_point), many, answers)
         show(f"Answers: {out}")
@@ -132,6 +129,11 @@ def sight(
         line = (explained[0], np.array(to_points[0])) if explained else (None, None)
         _draw(picture, now, scene, from_point, (risk, moment_s), *line)
         show(f"Picture: {picture}")
+
+
+def _counts(answers: "Sight") -> str:
+    counts = [f"{int(getattr(answers, name).sum()):,} {name}" for name in STATE_NAMES]
+    return f"{len(answers):,} lines: {', '.join(counts)}."
 
 
 def _targets(frame: "Frame", text: str | None) -> "Float64Array":
