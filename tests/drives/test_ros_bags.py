@@ -510,7 +510,7 @@ def test_a_real_message_in_a_recording(shared_data, tmp_path, kind):
     assert frame.timestamp_ns == stamp.sec * 10**9 + stamp.nanosec
     by_object = scan_of_cloud(point_cloud2_of(judged), tmp_path)
     assert np.array_equal(frame.points, by_object.points, equal_nan=True)
-    assert frame.attributes.keys() == {"time_s", "intensity", "ring", "timestamp"}
+    assert frame.attributes.keys() == {"intensity", "ring", "timestamp"}
     for name, values in frame.attributes.items():
         assert np.array_equal(values, by_object.attributes[name])
     assert np.isfinite(frame.points).all(axis=1).sum() == 64_000 - 4578

@@ -1,8 +1,8 @@
 """ROS point clouds (``sensor_msgs/PointCloud2``) as scans, from bytes or from message objects.
 
 A cloud has any fields, in any order, of any type, at any offset: also padded, unaligned and in the
-other byte order. Rows 0, 0, 0 are no returns and become NaN. A field with the time of each point
-(``t``, ``time``, ``timestamp``, ``offset_time``) gives the attribute ``time_s`` besides itself.
+other byte order. Rows 0, 0, 0 are no returns and become NaN. Times of points are among the other
+fields, where `deskew.point_times_ns` finds them.
 """
 
 from collections.abc import Sequence
@@ -21,13 +21,7 @@ from intervis.errors import ScanError
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """numpy's types of ``PointField.datatype``."""
 
-TIME_FIELDS = ("t", "time", "timestamp", "offset_time", "time_stamp", "timestamps")
 MOST_FIELDS = 1000
-NS_SINCE_1970 = 1e17
-"""Times above are nanoseconds since 1970 (from 1973 on)."""
-
-S_SINCE_1970 = 1e8
-"""Times above are seconds since 1970 (from 1973 on); below, they are relative to the scan."""
 
 
 @dataclass(frozen=True)
@@ -170,8 +164,7 @@ def scan_of_cloud(
     Returns
     -------
     Scan
-        Points (N, 3), N = height x width; rows without return are NaN. ``time_s`` among the
-        attributes is the time of each point in seconds after the stamp of the header.
+        Points (N, 3), N = height x width; rows without return are NaN.
 
     Raises
     ------
@@ -195,9 +188,6 @@ def scan_of_cloud(
         points[~points.any(axis=1)] = np.nan
         scan = scan_of_rows(name, points, velo_from_file=velo_from_cloud)
     others = {key: column for key, column in reversed(values.items()) if key not in axes}
-    for key in TIME_FIELDS:
-        if key in others and others[key].ndim == 1:
-            return Scan(scan.points, {"time_s": _time_s(others[key], cloud.time_ns), **others})
     return Scan(scan.points, others)
 
 
@@ -242,27 +232,3 @@ def _values(cloud: PointCloud2, one: PointField) -> NDArray[Any]:
     points = cloud.height * cloud.width
     native = view.astype(kind.newbyteorder("="))  # a copy: contiguous, aligned
     return native.reshape((points, count) if count > 1 else points)
-
-
-def _time_s(values: NDArray[Any], stamp_ns: int) -> Float64Array:
-    """Times of points in seconds after the scan's stamp.
-
-    Drivers write whole nanoseconds after the stamp (Ouster ``t``, Livox ``offset_time``), seconds
-    after it (Velodyne ``time``), or seconds (Hesai) or nanoseconds (Livox) since 1970.
-
-    Examples
-    --------
-    >>> _time_s(np.array([0, 250_000_000], np.uint32), 7 * 10**18).tolist()
-    [0.0, 0.25]
-    >>> _time_s(np.array([1.7e9, 1.7e9 + 0.25]), 1_700_000_000 * 10**9).tolist()
-    [0.0, 0.25]
-    """
-    with np.errstate(invalid="ignore"):
-        largest = float(np.max(values, where=np.isfinite(values), initial=0))
-        if values.dtype.kind in "iu":
-            start_ns = stamp_ns if largest > NS_SINCE_1970 else 0
-            return (values.astype(np.int64) - start_ns).astype(np.float64) * 1e-9
-        times = values.astype(np.float64)
-        if largest > NS_SINCE_1970:
-            return (times - stamp_ns) * 1e-9
-        return times - stamp_ns * 1e-9 if largest > S_SINCE_1970 else times
