@@ -30,7 +30,7 @@ SIGHT_LAYERS = (
     ("kernels",),
     ("box_surface", "ground_map", "occupancy_model", "projected_scan"),
     ("sensor",),
-    ("answers", "range_image"),
+    ("answers", "query_checks", "range_image"),
     ("reference", "scan_buffer", "sight"),
     ("box_sight",),
     ("scene",),

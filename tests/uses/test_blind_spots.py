@@ -122,7 +122,7 @@ def test_without_ground_nothing_is_judged() -> None:
     ("lengths", "message"),
     [
         ({"cell_m": 0.0}, "cell_m must be a positive length"),
-        ({"reach_m": np.inf}, "reach_m must be a positive length"),
+        ({"reach_m": np.inf}, "reach_m must be a finite number"),
         ({"reach_m": 1000.0, "cell_m": 0.1}, "20,000 x 20,000 cells"),
     ],
 )

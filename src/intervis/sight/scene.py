@@ -3,7 +3,7 @@
 from __future__ import annotations  # help() then shows ArrayLike by its name
 
 from numbers import Integral
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,9 +23,15 @@ from intervis.sight.box_sight import BoxSight, box_sight
 from intervis.sight.box_surface import facing_surfaces
 from intervis.sight.ground_map import ground_height
 from intervis.sight.kernels.packed_scans import PackedScans
-from intervis.sight.kernels.parameters import Thresholds
-from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE, thresholds_for
+from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.projected_scan import project_scan
+from intervis.sight.query_checks import (
+    finite_number,
+    positive_length,
+    targets_of,
+    thresholds_of,
+    viewpoints_of,
+)
 from intervis.sight.range_image import range_image_of_projected
 from intervis.sight.scan_buffer import ScanBuffer
 from intervis.sight.sensor import Sensor, sensor_named, sensor_of_projected
@@ -148,7 +154,9 @@ class Scene:
         kept = xyz if finite.all() else xyz[finite]
         scan = project_scan(kept, scene_from_sensor)
         sensor = sensor_of_projected(scan) if self.sensor is None else self.sensor
-        time_s = np.nan if timestamp_s is None else _finite("timestamp_s", timestamp_s, "seconds")
+        time_s = (
+            np.nan if timestamp_s is None else finite_number("timestamp_s", timestamp_s, "seconds")
+        )
         image = range_image_of_projected(scan, sensor)
         self._buffer.add(image, scene_from_sensor, time_s)
 
@@ -194,10 +202,10 @@ class Scene:
             `risk` is not from 0.001 to 0.2, `max_range_m` is not positive and finite, or
             `moment_s` is not finite.
         """
-        thresholds = _thresholds(risk)
+        thresholds = thresholds_of(risk)
         if max_range_m is not None:
-            max_range_m = _positive_length("max_range_m", max_range_m)
-        from_points, to_points = _viewpoints(viewpoint), _targets(targets)
+            max_range_m = positive_length("max_range_m", max_range_m)
+        from_points, to_points = viewpoints_of(viewpoint), targets_of(targets)
         answers = answer_lines(
             self.packed_scans(moment_s),
             from_points,
@@ -234,8 +242,8 @@ class Scene:
         SceneError
             The scene holds no scan.
         """
-        from_points = _targets(starts, "starts")
-        to_points = _targets(ends, "ends")
+        from_points = targets_of(starts, "starts")
+        to_points = targets_of(ends, "ends")
         if len(from_points) != len(to_points):
             raise PointsError(
                 f"each line needs two ends, got {len(from_points)} starts and"
@@ -247,7 +255,7 @@ class Scene:
                 from_points,
                 to_points,
                 paired=True,
-                thresholds=_thresholds(risk),
+                thresholds=thresholds_of(risk),
             )
         )
 
@@ -269,9 +277,9 @@ class Scene:
         sight : Sight
             Of shape (L,).
         """
-        max_range_m = _positive_length("max_range_m", max_range_m)
-        from_points = _viewpoints(viewpoints)
-        to_points = _targets(targets)
+        max_range_m = positive_length("max_range_m", max_range_m)
+        from_points = viewpoints_of(viewpoints)
+        to_points = targets_of(targets)
         finite = np.flatnonzero(np.isfinite(to_points).all(axis=1))
         near = cKDTree(from_points).sparse_distance_matrix(
             cKDTree(to_points[finite]), max_range_m, output_type="ndarray"
@@ -405,55 +413,4 @@ class Scene:
                     "moment_s needs the time of every scan: call scene.add(points, pose,"
                     " timestamp_s)."
                 )
-            return self._buffer.packed_at(_finite("moment_s", moment_s, "seconds"))
-
-
-def _finite(name: str, value: Any, unit: str) -> float:
-    try:
-        number = np.nan if isinstance(value, str | bytes) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = np.nan
-    if not np.isfinite(number):
-        raise SettingsError(f"{name} must be a finite number ({unit}), got {value!r}.")
-    return number
-
-
-def _thresholds(risk: Any) -> Thresholds:
-    """The thresholds of a risk."""
-    least, most = RISK_RANGE
-    if not least <= _finite("risk", risk, "0.001 to 0.2") <= most:
-        raise SettingsError(
-            f"risk, the allowed share of wrong answers, must be from {least} to {most}, got"
-            f" {risk!r}."
-        )
-    return thresholds_for(float(risk))
-
-
-def _positive_length(name: str, value: Any) -> float:
-    length_m = _finite(name, value, "metres")
-    if length_m <= 0.0:
-        raise SettingsError(f"{name} must be a positive length in metres, got {value!r}.")
-    return length_m
-
-
-def _viewpoints(viewpoint: ArrayLike) -> Float64Array:
-    """(N, 3) finite viewpoints."""
-    if array_of(viewpoint, "viewpoint").ndim != 2:
-        return checked_point(viewpoint)[None]
-    points = _targets(viewpoint, "viewpoint")
-    if not np.isfinite(points).all():
-        raise PointsError("every viewpoint must be three finite numbers in metres.")
-    return points
-
-
-def _targets(points: ArrayLike, name: str = "targets") -> Float64Array:
-    """(M, 3) float64 points, finite or not; (3,) is one target, an empty list has none."""
-    array = array_of(points, name)
-    if array.shape == (3,):
-        array = array[None]
-    if array.size == 0 and array.ndim <= 2:
-        return np.empty((0, 3))
-    if array.dtype.kind in "iu":
-        array = array.astype(np.float64)
-    # Kernels are compiled for writable arrays; a read-only one is copied.
-    return np.require(checked_points(array, name), np.float64, ["C", "W"])
+            return self._buffer.packed_at(finite_number("moment_s", moment_s, "seconds"))

@@ -9,6 +9,7 @@ from intervis.arrays import BoolArray, Float64Array, FloatArray, checked_point, 
 from intervis.errors import SettingsError
 from intervis.sight import UNKNOWN, Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
+from intervis.sight.query_checks import positive_length
 
 MOST_CELLS = 4_000_000
 """Cells of a grid at most: some 300 MB while it is answered."""
@@ -100,9 +101,9 @@ def visibility_grid(
         As `intervis.Scene.sight`.
     """
     start = checked_point(viewpoint)
-    for name, value in (("reach_m", reach_m), ("cell_m", cell_m), ("height_m", height_m)):
-        if not (np.isfinite(value) and value > 0):
-            raise SettingsError(f"{name} must be a positive length in metres, got {value!r}.")
+    reach_m = positive_length("reach_m", reach_m)
+    cell_m = positive_length("cell_m", cell_m)
+    height_m = positive_length("height_m", height_m)
     count = int(np.ceil(min(2.0 * reach_m / cell_m, 1e6)))
     if count * count > MOST_CELLS:
         raise SettingsError(

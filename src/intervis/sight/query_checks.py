@@ -1,0 +1,76 @@
+"""Checks of what a query to a scene is given: lengths, times, risk, viewpoints, targets."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from intervis.arrays import Float64Array, array_of, checked_point, checked_points
+from intervis.errors import PointsError, SettingsError
+from intervis.sight.kernels.parameters import Thresholds
+from intervis.sight.occupancy_model import RISK_RANGE, thresholds_for
+
+
+def finite_number(name: str, value: Any, unit: str) -> float:
+    """A finite number, by the name of its argument.
+
+    Raises
+    ------
+    SettingsError
+        It is none.
+    """
+    try:
+        number = np.nan if isinstance(value, str | bytes) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise SettingsError(f"{name} must be a finite number ({unit}), got {value!r}.")
+    return number
+
+
+def thresholds_of(risk: Any) -> Thresholds:
+    """The thresholds of a risk."""
+    least, most = RISK_RANGE
+    if not least <= finite_number("risk", risk, "0.001 to 0.2") <= most:
+        raise SettingsError(
+            f"risk, the allowed share of wrong answers, must be from {least} to {most}, got"
+            f" {risk!r}."
+        )
+    return thresholds_for(float(risk))
+
+
+def positive_length(name: str, value: Any) -> float:
+    """A positive and finite length in metres, by the name of its argument.
+
+    Raises
+    ------
+    SettingsError
+        It is none.
+    """
+    length_m = finite_number(name, value, "metres")
+    if length_m <= 0.0:
+        raise SettingsError(f"{name} must be a positive length in metres, got {value!r}.")
+    return length_m
+
+
+def viewpoints_of(viewpoint: ArrayLike) -> Float64Array:
+    """(N, 3) finite viewpoints."""
+    if array_of(viewpoint, "viewpoint").ndim != 2:
+        return checked_point(viewpoint)[None]
+    points = targets_of(viewpoint, "viewpoint")
+    if not np.isfinite(points).all():
+        raise PointsError("every viewpoint must be three finite numbers in metres.")
+    return points
+
+
+def targets_of(points: ArrayLike, name: str = "targets") -> Float64Array:
+    """(M, 3) float64 points, finite or not; (3,) is one target, an empty list has none."""
+    array = array_of(points, name)
+    if array.shape == (3,):
+        array = array[None]
+    if array.size == 0 and array.ndim <= 2:
+        return np.empty((0, 3))
+    if array.dtype.kind in "iu":
+        array = array.astype(np.float64)
+    # Kernels are compiled for writable arrays; a read-only one is copied.
+    return np.require(checked_points(array, name), np.float64, ["C", "W"])
