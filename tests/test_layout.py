@@ -16,7 +16,7 @@ ROOT = Path(intervis.__file__).parent
 LAYERS = (
     ("errors",),
     ("arrays", "kernels", "progress"),
-    ("delaunay", "directions", "files", "settings", "transform"),
+    ("delaunay", "directions", "files", "output_folder", "settings", "transform"),
     ("camera",),
     ("drives", "method", "sight"),
     ("live", "plots"),

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import secrets
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -37,8 +38,9 @@ def check_replaceable(path: Path) -> Path:
 def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Call `write` on a file that gets its name only when it is complete.
 
-    Until then it is ``.NAME.part`` in the same folder. A failure removes this file; one that a
-    killed process has left is replaced by the next attempt. A link is kept and its target written.
+    Until then it is ``.NAME.*.part`` in the same folder, under a name that no other process or
+    thread takes. A failure removes this file; a process that is killed leaves it. A link is kept
+    and its target written.
 
     Raises
     ------
@@ -46,9 +48,8 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
         The system refuses: disk full, no permission, not a folder; or `path` is no regular file.
     """
     target = check_replaceable(path)
-    part = target.with_name(f".{target.name}.part")
+    part = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
     try:
-        part.unlink(missing_ok=True)  # never written through, should it be a link or a pipe
         try:
             with open(part, "xb") as file:
                 write(file)

@@ -13,6 +13,7 @@ import numpy as np
 
 import intervis
 from intervis.errors import OutputError
+from intervis.output_folder import is_marked
 from intervis.run.frame_file import FrameRecord
 from intervis.settings import Settings
 
@@ -130,7 +131,8 @@ def read_summary(path: Path) -> Content | None:
         content = None
     if not isinstance(content, dict) or "settings" not in content:
         raise OutputError(
-            f"{path} is not the summary of a run: choose another folder, or overwrite it."
+            f"{path} is not the summary of a run: choose another folder"
+            f"{', or overwrite it' if is_marked(path.parent) else ''}."
         )
     return content
 
