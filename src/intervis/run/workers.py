@@ -3,17 +3,22 @@
 import logging
 import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from intervis.errors import MissingExtraError, SettingsError
 from intervis.kernels import thread_count
 
 MOST_WORKERS = 1024
+GRACE_S = 10.0
+"""Seconds that workers have to end their stretches when a run is stopped."""
 
 
 @contextmanager
@@ -36,11 +41,15 @@ def process_workers(count: int) -> Iterator[Executor]:
     if not 1 <= count <= MOST_WORKERS:
         raise SettingsError(f"the number of workers must be 1 to {MOST_WORKERS}, got {count}.")
     threads = max(1, thread_count() // count)
+    others = set(active_children())
     pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_start, initargs=(threads,))
     try:
         yield pool
     finally:
-        pool.shutdown(cancel_futures=True)
+        # shutdown() alone may wait for ever: a worker that is killed while it waits for work holds
+        # a lock, and the others do not hear that there is no more.
+        pool.shutdown(wait=False, cancel_futures=True)
+        _end(set(active_children()) - others)
 
 
 @contextmanager
@@ -90,10 +99,23 @@ def dask_workers(address: str | None, count: int) -> Iterator[Executor]:
         yield client.get_executor(pure=False)
 
 
+def _end(workers: Iterable[BaseProcess]) -> None:
+    """Wait for workers that have no more work; end those that stay."""
+    deadline = time.monotonic() + GRACE_S
+    for worker in workers:
+        worker.join(max(0.0, deadline - time.monotonic()))
+        if worker.is_alive():
+            worker.terminate()
+            worker.join(1.0)
+        if worker.is_alive():
+            worker.kill()
+
+
 def _start(threads: int) -> None:
     """Prepare a worker process: its share of the cores, and its end."""
     os.environ["INTERVIS_THREADS"] = str(threads)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the caller, who ends the workers
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # removes a file that is half written
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
