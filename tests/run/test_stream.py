@@ -44,7 +44,14 @@ from intervis.run.summary import differences, same_results, summarize
 from intervis.run.viewpoint import start_viewpoint_world
 from intervis.settings import Settings
 from intervis.transform import rigid
-from small_drive import CAMERA_CENTRE_VELO, MemoryDrive, files_below, scan_folder, street
+from small_drive import (
+    CAMERA_CENTRE_VELO,
+    MemoryDrive,
+    files_below,
+    results,
+    scan_folder,
+    street,
+)
 
 SETTINGS = Settings(tau=5)
 
@@ -113,6 +120,14 @@ def test_a_file_is_read_once(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "read_bytes", lambda path: reads.append(path) or read(path))
     load_analysis(frame_path(tmp_path, 0))
     assert reads == [frame_path(tmp_path, 0)]
+
+
+def test_compressed_files_are_smaller_and_hold_the_same(tmp_path):
+    run_drive(MemoryDrive((0,)), tmp_path / "stored", settings=SETTINGS)
+    run_drive(MemoryDrive((0,)), tmp_path / "deflated", settings=SETTINGS, compress=True)
+    stored, deflated = (frame_path(tmp_path / name, 0) for name in ("stored", "deflated"))
+    assert deflated.stat().st_size < 0.7 * stored.stat().st_size
+    assert results(tmp_path / "stored") == results(tmp_path / "deflated")
 
 
 def test_no_file_holds_a_pickle(tmp_path):

@@ -88,6 +88,9 @@ def run(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Remove an earlier run in --out first.")
     ] = False,
+    compress: Annotated[
+        bool, typer.Option("--compress", help="Deflate the frame files: smaller, and slower.")
+    ] = False,
     workers: Annotated[
         int, typer.Option(metavar="N", help="Analyse frames side by side in N processes.")
     ] = 1,
@@ -117,6 +120,7 @@ def run(
             "frames": options.frame_range(frames),
             "settings": options.settings(settings, tau, changes or []),
             "overwrite": overwrite,
+            "compress": compress,
         },
         report,
         workers,

@@ -104,7 +104,13 @@ def frame_fingerprint(frame: "Frame", settings: Settings, viewpoint: str | Seque
 
 
 def save_frame(
-    path: Path, frame: "Frame", analysis: "Analysis", fingerprint: str, *, remade: str = ""
+    path: Path,
+    frame: "Frame",
+    analysis: "Analysis",
+    fingerprint: str,
+    *,
+    compress: bool = False,
+    remade: str = "",
 ) -> FrameRecord:
     """Write an analysis, and what is known of its frame except points and image.
 
@@ -127,13 +133,14 @@ def save_frame(
     arrays["fingerprint"] = np.array(fingerprint)
     if record.tau is not None:
         arrays["tau"] = np.array(record.tau)
-    write_whole(path, lambda file: _write_archive(file, arrays))
+    write_whole(path, lambda file: _write_archive(file, arrays, compress=compress))
     return record
 
 
-def _write_archive(file: BinaryIO, arrays: Arrays) -> None:
-    # As np.savez_compressed, but without pickle and with the fastest compression level.
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+def _write_archive(file: BinaryIO, arrays: Arrays, *, compress: bool) -> None:
+    # As np.savez or np.savez_compressed, but without pickle, and at the fastest level.
+    method = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
+    with zipfile.ZipFile(file, "w", method, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)

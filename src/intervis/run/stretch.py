@@ -55,6 +55,8 @@ class Stretch:
         Settings of the method.
     viewpoint : MetaViewpoint
         P0 of the frames.
+    compress : bool
+        Deflate the frame files.
     """
 
     drive: "Drive"
@@ -62,6 +64,7 @@ class Stretch:
     out: Path
     settings: Settings
     viewpoint: MetaViewpoint
+    compress: bool = False
 
 
 def stretches_of(whole: Stretch, frames: int = FRAMES) -> list[Stretch]:
@@ -114,7 +117,9 @@ def outcomes(stretch: Stretch) -> Iterator[Outcome]:
             yield FrameFailure(number, f"unexpected {type(error).__name__}: {error}")
         else:
             if record is None:
-                yield save_frame(path, frame, analysis, fingerprint, remade=reason)
+                yield save_frame(
+                    path, frame, analysis, fingerprint, compress=stretch.compress, remade=reason
+                )
                 continue
             if granularity is not None:  # a resumed run chooses tau as an uninterrupted one
                 granularity.tau = record.tau
