@@ -21,6 +21,7 @@ LAYERS = (
     ("drives", "method", "sight"),
     ("live", "plots"),
     ("run", "uses"),
+    ("warm_up",),
     ("cli",),
     ("__init__", "__main__"),
 )

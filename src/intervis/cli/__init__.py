@@ -18,6 +18,7 @@ COMMANDS = {
     "objects": "intervis.cli.objects",
     "blindspots": "intervis.cli.blind_spots",
     "replay": "intervis.cli.replay",
+    "warm": "intervis.cli.warm",
     "evaluate": "intervis.lab.cli.evaluate",
     "reproduce": "intervis.lab.cli.reproduce",
     "interpretations": "intervis.lab.cli.reproduce",
