@@ -40,7 +40,7 @@ SIGHT_LAYERS = (
 )
 """The same for the modules of ``intervis.sight``."""
 
-LAB_LAYERS = (("worlds",), ("truth",), ("paper",), ("calibrate",), ("cli",), ("__init__",))
+LAB_LAYERS = (("worlds",), ("truth",), ("paper", "speed"), ("calibrate",), ("cli",), ("__init__",))
 """The same for the packages of ``intervis.lab``, which may import the library."""
 
 LAZY = {"__init__.py", "cli/program.py", "lab/worlds/__init__.py"}

@@ -26,6 +26,7 @@ COMMANDS = {
     "demo": "intervis.lab.cli.world",
     "calibrate": "intervis.lab.cli.calibrate",
     "matrix": "intervis.lab.cli.matrix",
+    "bench": "intervis.lab.cli.bench",
 }
 """Module of each command; the function has the name of the command.
 
