@@ -20,12 +20,10 @@ from intervis.settings import Settings
 from intervis.sight import Scene
 from intervis.transform import inverse, transform
 
-open3d: Any
 try:
     import open3d
 except ImportError:
     open3d = None
-PythonCDT: Any
 try:
     import PythonCDT
 except ImportError:
