@@ -73,14 +73,14 @@ def build_surface(points: Float64Array, viewpoint: Float64Array, settings: Setti
         ``metric``, ``chart``, ``cohesion``, ``repulsion`` and ``influence_radius`` are used.
     """
     weight, used = whitening(points, settings.metric)
-    y = (points - viewpoint) @ weight
+    y = _times(points - viewpoint, weight)
     neighbours = nearest_neighbours(y, NEIGHBOURS)
     reached = direct_reach(points, viewpoint, y)
     distance, parent = flow_paths(y, neighbours, reached)
     force = cohesion_force(y, neighbours, settings.cohesion) + repulsion_force(
         y, distance, parent, settings.repulsion, settings.influence_radius
     )
-    moved_m = force @ np.linalg.pinv(weight)
+    moved_m = _times(force, np.linalg.pinv(weight))
     return Surface(
         metric_position=y,
         flow_distance=distance,
@@ -89,6 +89,12 @@ def build_surface(points: Float64Array, viewpoint: Float64Array, settings: Setti
         chart=chart_coordinates(points, moved_m, viewpoint, settings.chart),
         metric=used,
     )
+
+
+def _times(rows: Float64Array, matrix: Float64Array) -> Float64Array:
+    """Rows (V, 3) times a (3, 3) matrix: without the threads of BLAS, which a busy core delays."""
+    product: Float64Array = np.einsum("ij,jk->ik", rows, matrix)
+    return product
 
 
 def whitening(points: Float64Array, metric: str) -> tuple[Float64Array, str]:
