@@ -209,7 +209,7 @@ def _blind_spots(judge: FrameJudge, viewpoint: Float64Array) -> list[BlindSpot]:
     grid = visibility_grid(
         judge.scene,
         viewpoint,
-        judge.frame.points,
+        judge.centimetres / PER_M,
         reach_m=GRID_REACH_M,
         cell_m=GRID_CELL_M,
         risk=judge.request.risk,

@@ -5,14 +5,17 @@ import html
 import json
 import re
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import intervis
+from intervis.arrays import Float64Array
 from intervis.drives import Drive
 from intervis.errors import OutputError
 from intervis.files import check_replaceable, write_whole
+from intervis.kernels import thread_count
 from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, REGION
 from intervis.progress import Progress, silent
 from intervis.sight.occupancy_model import DEFAULT_RISK
@@ -30,6 +33,9 @@ IMPORT = re.compile(r"^import\s[^;]*;\n", re.MULTILINE)
 EXPORT = re.compile(r"^export ", re.MULTILINE)
 CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 """Control characters, and those that change the direction of text."""
+
+MOST_THREADS = 4
+"""Frames that are judged at a time: each takes some 100 MB."""
 
 GENERATOR = b'<meta name="generator" content="intervis view">'
 """In the head of each page: such files may be replaced."""
@@ -101,14 +107,13 @@ def page_html(
     fixed_world = None
     if request.is_fixed:
         fixed_world = fixed_place_world(drive[numbers[0]], request.viewpoint)
-    frames = []
-    for number in numbers:
-        frames.append(frame_data(drive, number, request, fixed_world))
-        report(f"frame {number}")
+    frames = _frames(drive, numbers, request, fixed_world, report)
+    named_viewpoint = request.viewpoint if isinstance(request.viewpoint, str) else None
     content = {
         "drive": shown(drive.name),
         "risk": request.risk,
         "default_risk": DEFAULT_RISK,
+        "viewpoint": None if request.is_fixed else named_viewpoint,
         "is_served": is_served,
         "colours": {
             theme: {**colours, "sequential": VIRIDIS, "onImage": ON_IMAGE}
@@ -129,6 +134,27 @@ def page_html(
     template = _page_file("page.html")
     text = re.sub(r"\{\{([A-Z]+)\}\}", lambda match: parts[match[1]], template)
     return text.encode("utf-8", errors="backslashreplace")
+
+
+def _frames(
+    drive: Drive,
+    numbers: Sequence[int],
+    request: ViewRequest,
+    fixed_world: Float64Array | None,
+    report: Progress,
+) -> list[FrameData]:
+    """The data of all frames, a few at a time: reading and packing leave cores idle."""
+    with ThreadPoolExecutor(min(thread_count(), MOST_THREADS)) as pool:
+        begun = [pool.submit(frame_data, drive, number, request, fixed_world) for number in numbers]
+        try:
+            frames = []
+            for number, one in zip(numbers, begun, strict=True):
+                frames.append(one.result())
+                report(f"frame {number}")
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return frames
 
 
 def save_page(path: Path, content: bytes) -> None:

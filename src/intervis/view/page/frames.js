@@ -38,7 +38,10 @@ export class Frames {
     const frame = await this.at(index);
     const columns = await columnsOf(bytesOf(answer.block));
     Object.assign(this.headers[index], answer.summary);
-    Object.assign(frame, answer.summary, { verdicts: new Verdicts(columns, answer.summary.viewpoint) });
+    Object.assign(frame, answer.summary, {
+      verdicts: new Verdicts(columns, answer.summary.viewpoint),
+      isMoved: true,
+    });
     return frame;
   }
 }

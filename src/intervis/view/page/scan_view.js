@@ -139,7 +139,7 @@ export class ScanView {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, this.labels.width, this.labels.height);
     pen.font = "11px system-ui, sans-serif";
-    const say = (place, text, colour) => this.say(pen, place, text, colour, colours.background);
+    const say = (place, text, colour, below = -5) => this.say(pen, place, text, colour, below);
     if (shownLayers.rings) {
       for (const radius of RINGS_M) say([radius, 0, frame.ground_m ?? 0], `${radius} m`, colours.faint);
     }
@@ -151,20 +151,20 @@ export class ScanView {
     }
     if (shownLayers.viewpoint) say(frame.viewpoint, "viewpoint", colours.ink);
     if (line) {
-      say(line.end, `${(line.lengthDm / 10).toFixed(1)} m`, colours.ink);
+      say(line.end, `${(line.lengthDm / 10).toFixed(1)} m`, colours.ink, 14);
       if (line.blockerDm) {
         say(line.blockerDm.map((dm) => dm / 10), `blocked at ${(line.blockerAtDm / 10).toFixed(1)} m`, colours.occluded);
       }
     }
   }
 
-  say(pen, place, text, colour, background) {
+  say(pen, place, text, colour, below) {
     const at = this.pixelOf(place);
     if (!at) return;
     pen.lineWidth = 3;
-    pen.strokeStyle = background;
+    pen.strokeStyle = this.state.colours.background;
     pen.fillStyle = colour;
-    pen.strokeText(text, at[0] + 7, at[1] - 5);
-    pen.fillText(text, at[0] + 7, at[1] - 5);
+    pen.strokeText(text, at[0] + 7, at[1] + below);
+    pen.fillText(text, at[0] + 7, at[1] + below);
   }
 }

@@ -76,6 +76,13 @@ export class Selection {
     return table;
   }
 
+  /** The start of a line, by its name where the page was made with one. */
+  from(line) {
+    const { page, frame } = this.state;
+    const isNamed = page.viewpoint !== null && line.start === frame.viewpoint && !frame.isMoved;
+    return isNamed ? page.viewpoint : line.start.join(",");
+  }
+
   command(line) {
     const { page, frame } = this.state;
     const memory = frame.memory.length
@@ -84,7 +91,7 @@ export class Selection {
     const risk = page.risk === page.default_risk ? "" : ` --risk ${page.risk}`;
     const text =
       `intervis sight ${page.drive} --frame ${frame.number}${memory}${risk}` +
-      ` --from=${line.start.join(",")} --to=${line.end.map((value) => Number(value.toFixed(4))).join(",")}`;
+      ` --from=${this.from(line)} --to=${line.end.map((value) => Number(value.toFixed(4))).join(",")}`;
     const row = element("div", "command");
     row.append(element("code", "", text));
     const button = element("button", "", "Copy");
