@@ -14,12 +14,12 @@ from intervis.drives import Drive, Frame
 from intervis.errors import DriveError, IntervisError, MissingExtraError
 from intervis.method.analysis import Analysis, analyze
 from intervis.method.field_of_view import image_from_velo
-from intervis.sight import Scene, explain
+from intervis.sight import OCCLUDED, Scene, explain
 from intervis.sight.observed_profile import unobserved_parts
 from intervis.uses.blind_spots import BlindSpot, blind_spots
 from intervis.uses.objects import ObjectSight, objects_of_frame
 from intervis.uses.registration import query_moment_s, registered_scene
-from intervis.uses.visibility_grid import visibility_grid
+from intervis.uses.visibility_grid import VisibilityGrid, blind_cells, visibility_grid
 from intervis.view.columns import Columns, packed
 from intervis.view.verdicts import (
     BY_DIFFERENCE,
@@ -173,9 +173,9 @@ def frame_data(
         "boxes": [_box(one) for one in _objects(judge, viewpoint)],
     }
     if request.has_blind_spots:
-        spots = _blind_spots(judge, viewpoint)
-        columns |= _spot_columns(judge.scene, spots)
-        header["spots"] = [_spot(spot) for spot in spots]
+        grid = _grid(judge, viewpoint)
+        columns |= _cell_columns(grid)
+        header |= {"cell_m": grid.cell_m, "spots": [_spot(spot) for spot in blind_spots(grid)]}
     analysis = _analysis(frame, viewpoint)
     if analysis is not None:
         columns |= _mesh_columns(analysis)
@@ -205,8 +205,8 @@ def _box(one: ObjectSight) -> dict[str, Any]:
     return {**one.to_json(), "corners": corners.round(2).tolist()}
 
 
-def _blind_spots(judge: FrameJudge, viewpoint: Float64Array) -> list[BlindSpot]:
-    grid = visibility_grid(
+def _grid(judge: FrameJudge, viewpoint: Float64Array) -> VisibilityGrid:
+    return visibility_grid(
         judge.scene,
         viewpoint,
         judge.centimetres / PER_M,
@@ -215,26 +215,26 @@ def _blind_spots(judge: FrameJudge, viewpoint: Float64Array) -> list[BlindSpot]:
         risk=judge.request.risk,
         moment_s=judge.moment_s,
     )
-    return blind_spots(grid)
 
 
 def _spot(spot: BlindSpot) -> dict[str, Any]:
     return {
         "area_m2": round(spot.area_m2, 1),
         "nearest_m": round(spot.nearest_m, 1),
+        "centre": spot.centre.round(2).tolist(),
         "hides": spot.hides,
         "occluded": round(spot.occluded, 3),
-        "rings": [len(ring) for ring in spot.outline],
     }
 
 
-def _spot_columns(scene: Scene, spots: Sequence[BlindSpot]) -> Columns:
-    """Corners of all outlines one after another, on the ground, centimetres."""
-    rings = [ring for spot in spots for ring in spot.outline]
-    xy = np.vstack(rings) if rings else np.empty((0, 2))
-    z = scene.ground_height(xy) if len(xy) else np.empty(0)
-    corners = np.rint(np.nan_to_num(np.column_stack([xy, z])) * PER_M).astype(np.int64)
-    return {f"spot_{name}": corners[:, axis] for axis, name in enumerate("xyz")}
+def _cell_columns(grid: VisibilityGrid) -> Columns:
+    """Middles of the cells that are not visible (cm, on the ground), and which are occluded."""
+    blind = blind_cells(grid)
+    middles = np.column_stack([grid.middles[blind], grid.ground_m[blind]])
+    middles_cm = np.rint(middles * PER_M).astype(np.int64)
+    columns: Columns = {f"cell_{name}": middles_cm[:, axis] for axis, name in enumerate("xyz")}
+    columns["cell_occluded"] = (grid.state[blind] == OCCLUDED).astype(np.int64)
+    return columns
 
 
 def _analysis(frame: Frame, viewpoint: Float64Array) -> Analysis | None:

@@ -227,7 +227,11 @@ def _blocks(frames: Sequence[FrameData]) -> list[str]:
 def _lead(drive: Drive, frames: Sequence[FrameData], request: ViewRequest) -> str:
     """What is shown, in two sentences."""
     place = request.viewpoint
-    where = f"the {place}" if isinstance(place, str) else "({:g}, {:g}, {:g}) m".format(*place)
+    where = (
+        f"the {place}"
+        if isinstance(place, str)
+        else "a viewpoint at ({:g}, {:g}, {:g})".format(*place)
+    )
     if request.is_fixed:
         where += f" of frame {frames[0].header['number']}, fixed in the world"
     total = len(drive.frame_numbers)

@@ -131,7 +131,12 @@ def verdict_columns(judged: JudgedReturns) -> Columns:
     return columns
 
 
-BY_DIFFERENCE = frozenset({"row", "x", "y", "z", "blocker_x", "blocker_y", "blocker_z"})
+BY_DIFFERENCE = frozenset(
+    [
+        "row",
+        *(f"{prefix}{axis}" for prefix in ("", "blocker_", "cell_") for axis in "xyz"),
+    ]
+)
 """Columns whose successive values are alike."""
 
 

@@ -151,4 +151,4 @@ def viewpoint_in_frame(
         raise DriveError(
             f"--fixed keeps the viewpoint by the poses, and frame {frame.number} has none."
         )
-    return transform(inverse(frame.pose), fixed_world)
+    return np.asarray(transform(inverse(frame.pose), fixed_world).round(3))

@@ -66,17 +66,15 @@ function viewpoint(frame, colours, { segments }) {
   });
 }
 
-function spots(frame, colours, { segments }) {
-  let at = 0;
-  for (const spot of frame.spots ?? []) {
-    const colour = rgba(spot.occluded >= 0.5 ? colours.occluded : colours.unknown);
-    for (const length of spot.rings) {
-      for (let k = 0; k + 1 < length; k++) {
-        const [from, to] = [at + k, at + k + 1].map((n) => points(frame.columns, "spot", n));
-        segments.push({ from, to, colour, width: 1.6 });
-      }
-      at += length;
-    }
+function spots(frame, colours, geometry) {
+  const { cell_x: x, cell_y: y, cell_z: z, cell_occluded: isOccluded } = frame.columns;
+  const half = 0.47 * (frame.cell_m ?? 0);
+  for (let k = 0; k < (x?.length ?? 0); k++) {
+    const colour = rgba(isOccluded[k] ? colours.occluded : colours.line, isOccluded[k] ? 0.45 : 0.25);
+    const corner = (dx, dy) => [x[k] / 100 + dx * half, y[k] / 100 + dy * half, z[k] / 100];
+    const [a, b, c, d] = [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)];
+    geometry.triangles.push(...a, ...b, ...c, ...a, ...c, ...d);
+    for (let n = 0; n < 6; n++) geometry.colours.push(...colour);
   }
 }
 

@@ -8,6 +8,8 @@ import { followPointer } from "./pointer.js";
 import { Renderer, rgba } from "./renderer.js";
 import { STATE_NAMES } from "./verdicts.js";
 
+const MOST_LABELLED_M2 = 60; // larger blind spots are the surroundings, with no middle to speak of
+
 export class ScanView {
   /** `state` is the state of the page (see page.js); `actions` are what clicks and drags cause. */
   constructor(element, camera, state, actions) {
@@ -126,7 +128,7 @@ export class ScanView {
     for (const name of Object.keys(LAYERS)) {
       if (!shownLayers[name]) continue;
       this.renderer.drawTriangles(this.layers[name].triangles, matrix);
-      const isCovered = !["viewpoint", "boxes", "spots", "mesh"].includes(name);
+      const isCovered = !["viewpoint", "boxes", "mesh"].includes(name);
       this.renderer.drawSegments(this.layers[name].segments, matrix, ratio, isCovered);
     }
     this.renderer.drawSegments(this.line, matrix, ratio, false);
@@ -147,6 +149,11 @@ export class ScanView {
       for (const box of frame.boxes) {
         const share = box.visible === null ? "" : ` ${Math.round(100 * box.visible)} %`;
         say(box.corners[7], `${box.category}${share}`, colours[stateOfBox(box)]);
+      }
+    }
+    if (shownLayers.spots) {
+      for (const spot of (frame.spots ?? []).filter((one) => one.hides && one.area_m2 < MOST_LABELLED_M2)) {
+        say([...spot.centre, frame.ground_m ?? 0], `could hide a ${spot.hides}`, colours.ink);
       }
     }
     if (shownLayers.viewpoint) say(frame.viewpoint, "viewpoint", colours.ink);
