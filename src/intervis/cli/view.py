@@ -42,7 +42,7 @@ def view(
     ] = 24,
     returns: Annotated[
         int, typer.Option(metavar="N", help="Returns of a frame at most, thinned evenly.")
-    ] = 60_000,
+    ] = 50_000,
     start: Annotated[str | None, FROM] = None,
     fixed: Annotated[
         bool,

@@ -68,11 +68,12 @@ def thinned_rows(points: FloatArray, most: int) -> IntArray:
     Examples
     --------
     >>> thinned_rows(np.array([[np.nan] * 3, [1.0, 0, 0], [2, 0, 0], [3, 0, 0]]), 2)
-    array([1, 3])
+    array([1, 2])
     """
     rows = np.flatnonzero(finite_rows(points) & points[:, :3].any(axis=1))
-    step = max(1, -(-len(rows) // max(most, 1)))
-    return rows[::step]
+    if len(rows) <= most:
+        return rows
+    return np.asarray(rows[np.arange(most) * len(rows) // most])
 
 
 def judged_returns(
@@ -133,7 +134,7 @@ def verdict_columns(judged: JudgedReturns) -> Columns:
 
 BY_DIFFERENCE = frozenset(
     [
-        "row",
+        *("row", "metres", "blocker_at", "edge_a"),
         *(f"{prefix}{axis}" for prefix in ("", "blocker_", "cell_") for axis in "xyz"),
     ]
 )

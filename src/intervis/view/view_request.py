@@ -52,7 +52,7 @@ class ViewRequest:
     risk: float = DEFAULT_RISK
     memory: int = 2
     most_frames: int = 24
-    most_returns: int = 60_000
+    most_returns: int = 50_000
     has_blind_spots: bool = True
 
     def __post_init__(self) -> None:
