@@ -118,7 +118,7 @@ def view(
         content = page_html(drive, numbers, request, is_served=serve, progress=advance)
     if page is not None:
         save_page(page, content)
-        show(f"Page: {page} ({len(content) / 1e6:.1f} MB, {len(numbers)} frames)")
+        show(f"Page: {page} ({len(content) / 1e6:.1f} MB)")
     if serve:
         _serve(content, drive, numbers, request, port)
 

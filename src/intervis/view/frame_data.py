@@ -135,7 +135,6 @@ class FrameJudge:
             "visible": int(sight.visible.sum()),
             "occluded": int(sight.occluded.sum()),
             "unknown": int(sight.unknown.sum()),
-            "mean_probability": _number(round(float(np.mean(sight.probability)), 4)),
         }
         return verdict_columns(judged), summary
 

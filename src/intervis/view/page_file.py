@@ -3,6 +3,7 @@
 import base64
 import html
 import json
+import logging
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +14,7 @@ from typing import Any
 import intervis
 from intervis.arrays import Float64Array
 from intervis.drives import Drive
-from intervis.errors import OutputError
+from intervis.errors import OutputError, ScanError
 from intervis.files import check_replaceable, write_whole
 from intervis.kernels import thread_count
 from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, REGION
@@ -21,6 +22,8 @@ from intervis.progress import Progress, silent
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.view.frame_data import FrameData, frame_data
 from intervis.view.view_request import ViewRequest, fixed_place_world
+
+log = logging.getLogger(__name__)
 
 MODULES = (
     *("numbers", "blocks", "verdicts", "matrices", "orbit", "renderer", "palette", "layers"),
@@ -101,7 +104,8 @@ def page_html(
     Raises
     ------
     DriveError
-        A frame cannot be read, or lacks the camera or the pose that the request needs.
+        A frame lacks the camera or the pose that the request needs, or no scan can be read. Single
+        scans that cannot be read are left out, with a warning.
     """
     request, report = request or ViewRequest(), progress or silent
     fixed_world = None
@@ -147,13 +151,20 @@ def _frames(
     with ThreadPoolExecutor(min(thread_count(), MOST_THREADS)) as pool:
         begun = [pool.submit(frame_data, drive, number, request, fixed_world) for number in numbers]
         try:
-            frames = []
+            frames: list[FrameData] = []
+            unreadable: ScanError | None = None
             for number, one in zip(numbers, begun, strict=True):
-                frames.append(one.result())
+                try:
+                    frames.append(one.result())
+                except ScanError as error:
+                    log.warning("frame %d is left out: %s", number, error)
+                    unreadable = unreadable or error
                 report(f"frame {number}")
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+    if unreadable is not None and not frames:
+        raise unreadable
     return frames
 
 

@@ -8,8 +8,8 @@ must be this server, and so must the Origin, if there is one.
 
 import base64
 import json
-import math
 from collections import OrderedDict
+from collections.abc import Collection
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
@@ -40,8 +40,8 @@ class ViewServer(ThreadingHTTPServer):
     page : bytes
         From `intervis.view.page_html` with ``is_served=True``.
     drive : Drive
-    numbers : sequence of int
-        Frame numbers in the order of the page.
+    numbers : collection of int
+        Numbers of the frames that may be asked about.
     request : ViewRequest
     port : int
         0 chooses a free one.
@@ -56,7 +56,7 @@ class ViewServer(ThreadingHTTPServer):
     allow_reuse_address = True
 
     def __init__(
-        self, page: bytes, drive: Drive, numbers: list[int], request: ViewRequest, port: int
+        self, page: bytes, drive: Drive, numbers: Collection[int], request: ViewRequest, port: int
     ) -> None:
         try:
             super().__init__((HOST, port), _Handler)
@@ -95,16 +95,16 @@ class ViewServer(ThreadingHTTPServer):
         block = packed(columns, BY_DIFFERENCE)
         return {"summary": summary, "block": base64.b64encode(block).decode("ascii")}
 
-    def _judge(self, nth: Any) -> FrameJudge:
-        """The n-th frame of the page, with its scans; those of a few frames are kept."""
-        if isinstance(nth, bool) or not isinstance(nth, int) or not 0 <= nth < len(self._numbers):
-            raise PointsError(f"frame must be from 0 to {len(self._numbers) - 1}.")
-        if nth not in self._judges:
-            self._judges[nth] = FrameJudge(self._drive, self._numbers[nth], self._request)
+    def _judge(self, number: Any) -> FrameJudge:
+        """A frame of the page, by its number, with its scans; those of a few frames are kept."""
+        if isinstance(number, bool) or not isinstance(number, int) or number not in self._numbers:
+            raise PointsError("frame must be the number of a frame of the page.")
+        if number not in self._judges:
+            self._judges[number] = FrameJudge(self._drive, number, self._request)
             while len(self._judges) > KEPT_FRAMES:
                 self._judges.popitem(last=False)
-        self._judges.move_to_end(nth)
-        return self._judges[nth]
+        self._judges.move_to_end(number)
+        return self._judges[number]
 
 
 def _place(value: Any, name: str) -> Float64Array:
@@ -114,7 +114,7 @@ def _place(value: Any, name: str) -> Float64Array:
     for number in value:
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise PointsError(f"{name} must be three numbers.")
-        if not math.isfinite(number) or abs(number) > FARTHEST_M:
+        if not abs(number) <= FARTHEST_M:  # nor is NaN
             raise PointsError(f"{name} must be three finite numbers in metres.")
     return np.array(value, np.float64)
 

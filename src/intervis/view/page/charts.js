@@ -8,7 +8,7 @@ const NAMESPACE = "http://www.w3.org/2000/svg";
 /** Charts of the page: name, unit and series of each; those without numbers are left out. */
 export function chartsOf(frames) {
   const count = (frame) => frame.visible + frame.occluded + frame.unknown;
-  const share = (name) => frames.map((frame) => (100 * frame[name]) / count(frame));
+  const share = (name) => frames.map((frame) => (count(frame) ? (100 * frame[name]) / count(frame) : null));
   const spotArea = frames.map((frame) => frame.spots?.reduce((sum, spot) => sum + spot.area_m2, 0) ?? null);
   const charts = [
     { title: "visible", unit: "% of the returns", colour: "visible", values: share("visible") },

@@ -76,7 +76,10 @@ class Page {
     this.charts = new Charts(byId("charts"), this.page.frames, numbers, (index) => this.go(index));
     byId("charts").hidden = numbers.length < 2;
     this.judge = new Judge(
-      async (index, answer) => this.afterJudging(index, await this.frames.judged(index, answer)),
+      async (number, answer) => {
+        const index = numbers.indexOf(number);
+        this.afterJudging(index, await this.frames.judged(index, answer));
+      },
       (message) => this.tell(message),
     );
     this.listen();
@@ -224,7 +227,7 @@ class Page {
     this.places = null;
     this.tell("");
     try {
-      this.select(lineOfAnswer(await askLine(this.index, start, end)), -1);
+      this.select(lineOfAnswer(await askLine(this.frame.number, start, end)), -1);
     } catch (error) {
       this.tell(error.message);
     }
@@ -234,7 +237,7 @@ class Page {
     this.frame.viewpoint = place;
     this.scan.refreshLayer("viewpoint");
     this.above.refreshLayer("viewpoint");
-    this.judge.request(this.index, place);
+    this.judge.request(this.frame.number, place);
   }
 
   afterJudging(index, frame) {
