@@ -133,7 +133,14 @@ class Browser:
 
     def screenshot(self, path: Path, *, whole_page: bool = False) -> None:
         """Write a PNG of the window, or of the page in its whole height."""
-        parameters = {"format": "png", "captureBeyondViewport": whole_page}
+        parameters: dict[str, Any] = {"format": "png"}
+        if whole_page:
+            width, height = self.run(
+                "const { clientWidth, scrollHeight } = document.documentElement;"
+                " return [clientWidth, scrollHeight]"
+            )
+            clip = {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}
+            parameters |= {"captureBeyondViewport": True, "clip": clip}
         shot = self.devtools("Page.captureScreenshot", parameters)
         path.write_bytes(base64.b64decode(shot["data"]))
 

@@ -31,7 +31,8 @@ function points(columns, prefix, at) {
 
 function boxes(frame, colours, { segments }) {
   for (const box of frame.boxes) {
-    const colour = rgba(colours[stateOfBox(box)]);
+    const state = stateOfBox(box);
+    const colour = rgba(colours[state === "unknown" ? "line" : state]);
     for (const [a, b] of BOX_EDGES) {
       segments.push({ from: box.corners[a], to: box.corners[b], colour, width: 1.6 });
     }

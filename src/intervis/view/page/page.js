@@ -86,6 +86,7 @@ class Page {
     await this.go(this.wanted().frame);
     const { return: row } = this.wanted();
     if (row !== null) this.pick(this.frame.verdicts.columns.row.indexOf(row));
+    await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
     document.documentElement.dataset.ready = "true";
   }
 

@@ -136,42 +136,56 @@ export class ScanView {
   }
 
   drawLabels(ratio) {
-    const { frame, line, shownLayers, colours } = this.state;
     const pen = this.labels.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, this.labels.width, this.labels.height);
     pen.font = "11px system-ui, sans-serif";
-    const say = (place, text, colour, below = -5) => this.say(pen, place, text, colour, below);
-    if (shownLayers.rings) {
-      for (const radius of RINGS_M) say([radius, 0, frame.ground_m ?? 0], `${radius} m`, colours.faint);
+    pen.lineWidth = 3;
+    pen.strokeStyle = this.state.colours.background;
+    const taken = [];
+    for (const label of this.wantedLabels()) this.say(pen, label, taken);
+  }
+
+  /** Labels in the order in which they get their room: [place, text, colour, pixels below]. */
+  wantedLabels() {
+    const { frame, line, shownLayers, colours } = this.state;
+    const labels = [];
+    if (line?.blockerDm) {
+      const text = `blocked at ${(line.blockerAtDm / 10).toFixed(1)} m`;
+      labels.push([line.blockerDm.map((dm) => dm / 10), text, colours.occluded]);
     }
+    if (line) labels.push([line.end, `${(line.lengthDm / 10).toFixed(1)} m`, colours.ink, 14]);
+    if (shownLayers.viewpoint) labels.push([frame.viewpoint, "viewpoint", colours.ink]);
     if (shownLayers.boxes) {
       for (const box of frame.boxes) {
         const share = box.visible === null ? "" : ` ${Math.round(100 * box.visible)} %`;
-        say(box.corners[7], `${box.category}${share}`, colours[stateOfBox(box)]);
+        const state = stateOfBox(box);
+        const colour = colours[state === "unknown" ? "line" : state];
+        labels.push([box.corners[7], `${box.category}${share}`, colour]);
       }
     }
     if (shownLayers.spots) {
-      for (const spot of (frame.spots ?? []).filter((one) => one.hides && one.area_m2 < MOST_LABELLED_M2)) {
-        say([...spot.centre, frame.ground_m ?? 0], `could hide a ${spot.hides}`, colours.ink);
+      const shown = (frame.spots ?? []).filter((spot) => spot.hides && spot.area_m2 < MOST_LABELLED_M2);
+      for (const spot of shown) {
+        labels.push([[...spot.centre, frame.ground_m ?? 0], `could hide a ${spot.hides}`, colours.ink]);
       }
     }
-    if (shownLayers.viewpoint) say(frame.viewpoint, "viewpoint", colours.ink);
-    if (line) {
-      say(line.end, `${(line.lengthDm / 10).toFixed(1)} m`, colours.ink, 14);
-      if (line.blockerDm) {
-        say(line.blockerDm.map((dm) => dm / 10), `blocked at ${(line.blockerAtDm / 10).toFixed(1)} m`, colours.occluded);
-      }
+    if (shownLayers.rings) {
+      for (const radius of RINGS_M) labels.push([[radius, 0, frame.ground_m ?? 0], `${radius} m`, colours.faint]);
     }
+    return labels;
   }
 
-  say(pen, place, text, colour, below) {
+  /** Write a label, unless it would cover another. */
+  say(pen, [place, text, colour, below = -5], taken) {
     const at = this.pixelOf(place);
     if (!at) return;
-    pen.lineWidth = 3;
-    pen.strokeStyle = this.state.colours.background;
+    const [x, y] = [at[0] + 7, at[1] + below];
+    const box = [x, y - 11, x + pen.measureText(text).width, y + 3];
+    if (taken.some((one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3])) return;
+    taken.push(box);
     pen.fillStyle = colour;
-    pen.strokeText(text, at[0] + 7, at[1] + below);
-    pen.fillText(text, at[0] + 7, at[1] + below);
+    pen.strokeText(text, x, y);
+    pen.fillText(text, x, y);
   }
 }
