@@ -80,8 +80,8 @@ def test_the_scan_is_judged_from_another_viewpoint(server, drive):
     assert status == 200
     assert len(ends) == 100
     assert [(kind & 7) == 1 for kind in columns["kind"]] == sight.visible.tolist()
-    assert answer["summary"]["visible"] == sight.visible.sum()
-    assert answer["summary"]["viewpoint"] == question["from"]
+    assert answer["header"]["visible"] == sight.visible.sum()
+    assert answer["header"]["viewpoint"] == question["from"]
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 """A page with the engine behind it, for this machine only: any line, any viewpoint.
 
 The server listens on 127.0.0.1. It answers three requests and reads no paths: ``GET /`` is the
-page; ``POST /line`` explains the line between two places; ``POST /judge`` judges the returns of a
-frame from a viewpoint. Requests that other web sites make a browser send are refused: the Host
+page; ``POST /line`` explains the line between two places; ``POST /judge`` judges a frame from
+a viewpoint. Requests that other web sites make a browser send are refused: the Host
 must be this server, and so must the Origin, if there is one.
 """
 
@@ -20,9 +20,7 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.drives import Drive
 from intervis.errors import IntervisError, OutputError, PointsError
-from intervis.view.columns import packed
-from intervis.view.frame_data import FrameJudge
-from intervis.view.verdicts import BY_DIFFERENCE
+from intervis.view.frame_judge import FrameJudge
 from intervis.view.view_request import ViewRequest
 
 HOST = "127.0.0.1"
@@ -91,9 +89,8 @@ class ViewServer(ThreadingHTTPServer):
             start = _place(question.get("from"), "from")
             if path == "/line":
                 return judge.line(start, _place(question.get("to"), "to"))
-            columns, summary = judge.verdicts(start)
-        block = packed(columns, BY_DIFFERENCE)
-        return {"summary": summary, "block": base64.b64encode(block).decode("ascii")}
+            header, block = judge.content(start)
+        return {"header": header, "block": base64.b64encode(block).decode("ascii")}
 
     def _judge(self, number: Any) -> FrameJudge:
         """A frame of the page, by its number, with its scans; those of a few frames are kept."""

@@ -33,15 +33,12 @@ export class Frames {
     };
   }
 
-  /** Replace the verdicts of a frame by those from another viewpoint. */
-  async judged(index, answer) {
+  /** Replace a frame by what the engine says from another viewpoint; camera and image stay. */
+  async judged(index, { header, block }) {
     const frame = await this.at(index);
-    const columns = await columnsOf(bytesOf(answer.block));
-    Object.assign(this.headers[index], answer.summary);
-    Object.assign(frame, answer.summary, {
-      verdicts: new Verdicts(columns, answer.summary.viewpoint),
-      isMoved: true,
-    });
-    return frame;
+    const columns = await columnsOf(bytesOf(block));
+    Object.assign(this.headers[index], header);
+    const verdicts = new Verdicts(columns, header.viewpoint);
+    return Object.assign(frame, header, { columns, verdicts, isMoved: true });
   }
 }

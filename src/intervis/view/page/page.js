@@ -244,7 +244,10 @@ class Page {
   afterJudging(index, frame) {
     if (index !== this.index) return;
     if (this.judge.waiting) frame.viewpoint = this.judge.waiting.from; // the pointer is ahead
-    this.line = this.picked >= 0 ? frame.verdicts.line(this.picked) : null;
+    const place = frame.viewpoint.map((value) => value.toFixed(1)).join(", ");
+    this.tell(`Judged from (${place}); the charts show the viewpoint of the page.`);
+    if (this.stored >= 0) this.line = lineOfAnswer(frame.lines[this.stored]);
+    else this.line = this.picked >= 0 ? frame.verdicts.line(this.picked) : null;
     this.refresh();
   }
 
