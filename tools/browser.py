@@ -97,7 +97,7 @@ class Browser:
         self._call("POST", "/url", {"url": url})
         self.wait_for(
             "return document.documentElement.dataset.ready === 'true' ||"
-            " document.getElementById('message').textContent !== ''"
+            " document.getElementById('message').textContent.startsWith('The page cannot')"
         )
 
     def run(self, script: str, *arguments: Any) -> Any:

@@ -4,7 +4,10 @@ import json
 import os
 import re
 import shutil
+import signal
 import socket
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -128,3 +131,13 @@ def test_a_taken_port_is_one_sentence(drive, capsys):
         port = str(taken.getsockname()[1])
         assert exit_code(["view", str(drive), "--serve", "--port", port]) == 2
     assert f"cannot listen on port {port} of 127.0.0.1" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_serving_without_an_error(drive):
+    asked = [sys.executable, "-m", "intervis", "view", str(drive), "--serve", "--port", "0"]
+    with subprocess.Popen(asked, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served:
+        said = served.stdout.readline()
+        served.send_signal(signal.SIGINT)
+        _, err = served.communicate(timeout=60)
+    assert said.startswith(b"Open http://127.0.0.1:")
+    assert (served.returncode, err) == (0, b"")

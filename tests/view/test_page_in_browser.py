@@ -338,8 +338,8 @@ def test_names_with_markup_are_shown_and_not_run(window, tmp_path):
 
 @contextmanager
 def served(drive, request):
-    content = page_html(drive, drive.frame_numbers, request, is_served=True)
-    with ViewServer(content, drive, list(drive.frame_numbers), request, 0) as server:
+    with ViewServer(drive, drive.frame_numbers, request, 0) as server:
+        server.page = page_html(drive, drive.frame_numbers, request, is_served=True)
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:

@@ -27,7 +27,8 @@ def drive(tmp_path_factory):
 @pytest.fixture(scope="module")
 def server(drive):
     request = ViewRequest(viewpoint="sensor", most_returns=100)
-    with ViewServer(PAGE, drive, [3, 7], request, 0) as made:
+    with ViewServer(drive, [3, 7], request, 0) as made:
+        made.page = PAGE
         thread = threading.Thread(target=made.serve_forever)
         thread.start()
         yield made
@@ -139,6 +140,6 @@ def test_a_taken_port_is_told(drive):
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(OutputError, match=f"cannot listen on port {port}.*--port"):
-            ViewServer(PAGE, drive, [3], ViewRequest(), port)
+            ViewServer(drive, [3], ViewRequest(), port)
     with pytest.raises(OutputError, match="cannot listen on port 70000"):
-        ViewServer(PAGE, drive, [3], ViewRequest(), 70_000)
+        ViewServer(drive, [3], ViewRequest(), 70_000)

@@ -1,5 +1,6 @@
 """``intervis view``: an interactive page of what a viewpoint sees, as a file or served."""
 
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,7 @@ from intervis.cli.terminal import progress, show, tell
 if TYPE_CHECKING:
     from intervis.drives import Drive
     from intervis.view import ViewRequest
+    from intervis.view.server import ViewServer
 
 DEFAULT_PORT = 8765
 LARGE_MB = 30
@@ -95,6 +97,7 @@ def view(
     from intervis.sight.occupancy_model import DEFAULT_RISK
     from intervis.view import ViewRequest, page_html, save_page
     from intervis.view.page_file import check_page
+    from intervis.view.server import ViewServer
     from intervis.view.view_request import thinned_frames
 
     if page is not None:
@@ -114,13 +117,15 @@ def view(
     chosen = selected_frames(drive.frame_numbers, frame_range)
     numbers = thinned_frames(chosen, request.most_frames)
     _note_size(drive, len(chosen), len(numbers), request)
+    # The port is taken before the work, so that a taken one is told at once.
+    server = ViewServer(drive, numbers, request, port) if serve else None
     with progress("frames", len(numbers)) as advance:
         content = page_html(drive, numbers, request, is_served=serve, progress=advance)
     if page is not None:
         save_page(page, content)
         show(f"Page: {page} ({len(content) / 1e6:.1f} MB)")
-    if serve:
-        _serve(content, drive, numbers, request, port)
+    if server is not None:
+        _serve(server, content)
 
 
 def _check_no_run(source: Path) -> None:
@@ -159,12 +164,9 @@ def _has_pillow() -> bool:
     return True
 
 
-def _serve(
-    content: bytes, drive: "Drive", numbers: list[int], request: "ViewRequest", port: int
-) -> None:
-    """Serve the page until Ctrl-C."""
-    from intervis.view.server import ViewServer
-
-    with ViewServer(content, drive, numbers, request, port) as server:
+def _serve(server: "ViewServer", content: bytes) -> None:
+    """Serve the page until Ctrl-C, which is no error here."""
+    with server, contextlib.suppress(KeyboardInterrupt):
+        server.page = content
         show(f"Open {server.url} in a browser; Ctrl-C ends.")
         server.serve_forever()

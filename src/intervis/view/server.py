@@ -31,18 +31,21 @@ KEPT_FRAMES = 4
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Serves one page, and answers its questions.
+    """Serves one page, and answers its questions; the port is taken at once.
 
     Parameters
     ----------
-    page : bytes
-        From `intervis.view.page_html` with ``is_served=True``.
     drive : Drive
     numbers : collection of int
         Numbers of the frames that may be asked about.
     request : ViewRequest
     port : int
         0 chooses a free one.
+
+    Attributes
+    ----------
+    page : bytes
+        From `intervis.view.page_html` with ``is_served=True``; set before `serve_forever`.
 
     Raises
     ------
@@ -54,7 +57,7 @@ class ViewServer(ThreadingHTTPServer):
     allow_reuse_address = True
 
     def __init__(
-        self, page: bytes, drive: Drive, numbers: Collection[int], request: ViewRequest, port: int
+        self, drive: Drive, numbers: Collection[int], request: ViewRequest, port: int
     ) -> None:
         try:
             super().__init__((HOST, port), _Handler)
@@ -64,7 +67,7 @@ class ViewServer(ThreadingHTTPServer):
                 f"cannot listen on port {port} of {HOST}: {reason.lower()}; choose another with"
                 " --port."
             ) from None
-        self.page = page
+        self.page = b""
         self._drive, self._numbers, self._request = drive, numbers, request
         self._judges: OrderedDict[int, FrameJudge] = OrderedDict()
         self._lock = Lock()

@@ -111,6 +111,7 @@ class Page {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.recolour());
     byId("reset").addEventListener("click", () => this.resetViews());
     byId("between").hidden = !this.isServed;
+    if (this.isServed) this.tell("Drag the viewpoint: the scan is judged again.");
     byId("between").addEventListener("click", () => this.startLine());
     document.addEventListener("keydown", (event) => this.key(event));
     this.page.frames[0].lines.forEach((_, k) => {
