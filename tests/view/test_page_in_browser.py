@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import intervis.view
 from intervis.drives import open_drive
 from intervis.lab.worlds import simulate
 from intervis.sight import explain
@@ -16,6 +17,7 @@ from intervis.view import ViewRequest, page_html
 from intervis.view.server import ViewServer
 
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
+PAGE = Path(intervis.view.__file__).parent / "page"
 AHEAD = (14.0, 0.0, 1.0)
 
 COUNT_PIXELS = """
@@ -205,6 +207,13 @@ def test_every_explanation_is_that_of_python(opened, drive, scenes):
     assert {0, 1, 2} <= kinds  # occluded by a surface, visible, not observed
 
 
+def test_the_page_rounds_as_python_does(opened, rng):
+    values = [n / 20 for n in range(-60, 60)] + rng.uniform(-200, 200, 300).round(3).tolist()
+    text = (PAGE / "numbers.js").read_text().replace("export ", "")
+    printed = opened.run(f"{text}; return arguments[0].map(oneDecimal)", values)
+    assert printed == [f"{value:.1f}" for value in values]
+
+
 def test_a_click_explains_the_return_under_the_pointer(opened, drive, scenes):
     row, place = opened.run("""
         const { verdicts } = window.intervis.frame;
@@ -382,4 +391,31 @@ def test_the_served_page_answers_lines_and_follows_the_viewpoint(window, drive):
         assert viewpoint[0] < AHEAD[0] - 1
         for line in lines:
             assert line["text"] == str(explain(scene, viewpoint, line["end"], moment_s=0.0))
+
+        at = window.run(PIXEL_OF, "scan", viewpoint)
+        dropped = (at[0] + 35, at[1] + 20)
+        window.drag(at, dropped)
+        moved = window.run("return window.intervis.frame.viewpoint")
+        assert window.run(PIXEL_OF, "scan", moved) == pytest.approx(dropped, abs=0.6)
+        assert moved[2] == AHEAD[2]
+        window.wait_for("return !window.intervis.judge.isBusy")
         assert window.log() == []
+
+
+@pytest.mark.realdata
+def test_a_real_frame_is_explained_as_by_python(window, shared_data, tmp_path):
+    drive = open_drive(shared_data / "kitti_raw")
+    path = tmp_path / "page.html"
+    request = ViewRequest(viewpoint=(12.0, 0.0, 1.0), most_returns=8_000, memory=1)
+    path.write_bytes(page_html(drive, [10], request))
+    window.resize(1400, 1000)
+    window.open(path.as_uri())
+    scene = registered_scene(drive, drive[10], [9, 11])
+    chosen = list(range(0, 8_000, 80))
+    lines = window.run(
+        "return arguments[0].map((i) => window.intervis.frame.verdicts.line(i))", chosen
+    )
+    for line in lines:
+        assert line["text"] == str(explain(scene, request.viewpoint, line["end"]))
+    assert {line["state"] for line in lines} == {0, 1, 2}
+    assert window.log() == []
