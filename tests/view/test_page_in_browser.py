@@ -1,6 +1,7 @@
 """The page in a real browser: pixels, switches, timeline, picking, and the served engine."""
 
 import importlib
+import shlex
 import threading
 from contextlib import contextmanager
 from pathlib import Path
@@ -327,7 +328,7 @@ def test_without_webgl_there_are_a_sentence_and_a_picture(tool, page):
 
 
 def test_names_with_markup_are_shown_and_not_run(window, tmp_path):
-    name = "<img src=x onerror=window.harm=1>&amp;\x1b[31m"
+    name = "<img src=x onerror=window.harm=1>&amp;'$(reboot)\x1b[31m"
     y, z = np.meshgrid(np.arange(-5, 5, 0.1), np.arange(-1.5, 1.5, 0.1))
     folder = tmp_path / name
     folder.mkdir()
@@ -341,6 +342,9 @@ def test_names_with_markup_are_shown_and_not_run(window, tmp_path):
     assert title == name.replace("\x1b", "\\x1b")
     assert window.run("return window.harm") is None
     assert window.run("return document.querySelectorAll('img').length") == 0
+    window.run("window.intervis.pick(0)")
+    command = window.run("return document.querySelector('.command code').textContent")
+    assert shlex.split(command)[2] == title
     assert window.run("return document.getElementById('camera').hidden")  # a drive without images
     assert window.run("return document.querySelector('[data-do=play]').disabled")  # and one frame
 

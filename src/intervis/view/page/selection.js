@@ -12,6 +12,11 @@ function element(name, className, text) {
   return made;
 }
 
+/** A word for a shell, quoted where it holds more than plain characters. */
+function shellWord(text) {
+  return /^\w[\w./-]*$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`;
+}
+
 export class Selection {
   constructor(parent, state) {
     this.parent = parent;
@@ -90,7 +95,7 @@ export class Selection {
       : "";
     const risk = page.risk === page.default_risk ? "" : ` --risk ${page.risk}`;
     const text =
-      `intervis sight ${page.drive} --frame ${frame.number}${memory}${risk}` +
+      `intervis sight ${shellWord(page.drive)} --frame ${frame.number}${memory}${risk}` +
       ` --from=${this.from(line)} --to=${line.end.map((value) => Number(value.toFixed(4))).join(",")}`;
     const row = element("div", "command");
     row.append(element("code", "", text));
