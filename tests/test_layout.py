@@ -21,7 +21,7 @@ LAYERS = (
     ("drives", "method", "sight"),
     ("live", "plots"),
     ("run", "uses"),
-    ("warm_up",),
+    ("view", "warm_up"),
     ("cli",),
     ("__init__", "__main__"),
 )
@@ -31,7 +31,7 @@ SIGHT_LAYERS = (
     ("kernels",),
     ("box_surface", "ground_map", "occupancy_model", "projected_scan"),
     ("sensor",),
-    ("answers", "query_checks", "range_image"),
+    ("answers", "observed_profile", "query_checks", "range_image"),
     ("reference", "scan_buffer", "sight"),
     ("box_sight",),
     ("scene",),

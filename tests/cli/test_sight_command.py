@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from intervis.cli import exit_code
-from intervis.cli.sight import registered_scene
 from intervis.drives import open_drive
+from intervis.uses.registration import registered_scene
 from small_drive import scan_folder
 
 

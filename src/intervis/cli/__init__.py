@@ -17,6 +17,7 @@ COMMANDS = {
     "sight": "intervis.cli.sight",
     "objects": "intervis.cli.objects",
     "blindspots": "intervis.cli.blind_spots",
+    "view": "intervis.cli.view",
     "replay": "intervis.cli.replay",
     "warm": "intervis.cli.warm",
     "evaluate": "intervis.lab.cli.evaluate",

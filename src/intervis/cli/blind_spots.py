@@ -7,7 +7,7 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
-from intervis.cli.sight import FROM, FrameNumber, point_in_frame, registered_scene
+from intervis.cli.sight import FROM, FrameNumber, point_in_frame
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def blindspots(
     from intervis.files import write_text
     from intervis.uses.blind_spots import blind_spots, geojson_of, spot_table
     from intervis.uses.grid_file import check_grid_file, save_grid
+    from intervis.uses.registration import registered_scene
     from intervis.uses.visibility_grid import visibility_grid
 
     check_grid_file(grid_file)

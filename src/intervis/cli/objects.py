@@ -7,7 +7,7 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
-from intervis.cli.sight import FROM, point_in_frame, registered_scene
+from intervis.cli.sight import FROM, point_in_frame
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def objects(
     from intervis.files import write_text
     from intervis.run.stream import selected_frames
     from intervis.uses.objects import agreement_table, object_table, objects_of_frame
+    from intervis.uses.registration import registered_scene
 
     drive = open_drive(source, camera=camera)
     numbers = selected_frames(drive.frame_numbers, frame_range)

@@ -10,11 +10,8 @@ from intervis.cli.run import CameraName, Source
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from intervis.arrays import Float64Array
     from intervis.drives import Drive, Frame
-    from intervis.progress import Progress
     from intervis.sight import Explanation, Scene, Sight
 
 Point = tuple[float, float, float]
@@ -95,6 +92,7 @@ def sight(
     from intervis.sight import explain
     from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE
     from intervis.uses.answer_file import check_ending, save_answers
+    from intervis.uses.registration import query_moment_s, registered_scene
 
     check_ending(out)
 
@@ -110,7 +108,7 @@ def sight(
     with progress("scans", len(numbers) + 2) as advance:
         scene = registered_scene(drive, now, numbers, advance)
         # at the time of frame N, if every scan has a timestamp
-        moment_s = None if np.isnan(scene.timestamps_s).any() else 0.0
+        moment_s = query_moment_s(scene)
         explained = [
             explain(scene, from_point, end, risk=risk, moment_s=moment_s) for end in to_points
         ]
@@ -176,41 +174,6 @@ def _other_frames(
     if frames is None:
         return []
     return [n for n in selected_frames(drive.frame_numbers, frames) if n != now.number]
-
-
-def registered_scene(
-    drive: "Drive", now: "Frame", numbers: "Sequence[int]", progress: "Progress | None" = None
-) -> "Scene":
-    """A scene of frame `now` and other frames, in the sensor frame of `now`.
-
-    Timestamps are seconds after frame `now`, if the drive has timestamps.
-    """
-    from intervis.errors import DriveError
-    from intervis.progress import silent
-    from intervis.sight import Scene
-    from intervis.transform import inverse
-
-    report = progress or silent
-    scene = Scene(max_scans=max(64, len(numbers) + 1))
-    for number in numbers:
-        other = drive[number]
-        if now.pose is None or other.pose is None:
-            raise DriveError(
-                f"--frames registers scans by their poses, and frame"
-                f" {number if now.pose is not None else now.number} has none."
-            )
-        scene.add(other.points, inverse(now.pose) @ other.pose, _seconds_between(now, other))
-        report(f"frame {number}")
-    scene.add(now.points, None, 0.0)
-    report(f"frame {now.number}")
-    return scene
-
-
-def _seconds_between(now: "Frame", other: "Frame") -> float | None:
-    """Time of a frame in seconds after frame `now`; None without timestamps."""
-    if now.timestamp_ns is None or other.timestamp_ns is None:
-        return None
-    return 1e-9 * (other.timestamp_ns - now.timestamp_ns)
 
 
 def _draw(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intervis.arrays import BoolArray, Float64Array, Int32Array, IntArray
+from intervis.arrays import BoolArray, Float64Array, FloatArray, Int32Array, IntArray
 from intervis.kernels import kernel
 from intervis.method.neighbours import nearest_neighbours
 from intervis.settings import Settings
@@ -91,7 +91,7 @@ def build_surface(points: Float64Array, viewpoint: Float64Array, settings: Setti
     )
 
 
-def _times(rows: Float64Array, matrix: Float64Array) -> Float64Array:
+def _times(rows: Float64Array, matrix: FloatArray) -> Float64Array:
     """Rows (V, 3) times a (3, 3) matrix: without the threads of BLAS, which a busy core delays."""
     product: Float64Array = np.einsum("ij,jk->ik", rows, matrix)
     return product

@@ -1,0 +1,95 @@
+// Small charts over the frames; a click goes to a frame.
+
+const CHART_HEIGHT = 64;
+const AXIS_PX = 40;
+const CHART_WIDTH = 340;
+const NAMESPACE = "http://www.w3.org/2000/svg";
+
+/** Charts of the page: name, unit and series of each; those without numbers are left out. */
+export function chartsOf(frames) {
+  const count = (frame) => frame.visible + frame.occluded + frame.unknown;
+  const share = (name) => frames.map((frame) => (count(frame) ? (100 * frame[name]) / count(frame) : null));
+  const spotArea = frames.map((frame) => frame.spots?.reduce((sum, spot) => sum + spot.area_m2, 0) ?? null);
+  const charts = [
+    { title: "visible", unit: "% of the returns", colour: "visible", values: share("visible") },
+    { title: "occluded", unit: "% of the returns", colour: "occluded", values: share("occluded") },
+    { title: "unknown", unit: "% of the returns", colour: "line", values: share("unknown") },
+    { title: "blind spots within 30 m", unit: "m²", colour: "ink", values: spotArea },
+    { title: "TPI, the paper's measure", unit: "%", colour: "ink", values: frames.map((frame) => frame.TPI ?? null) },
+  ];
+  frames[0].lines.forEach((_, k) => {
+    const values = frames.map((frame) => (frame.lines[k].probability === null ? null : 100 * frame.lines[k].probability));
+    charts.push({ title: `line ${k + 1}`, unit: "% visible", colour: "ink", values });
+  });
+  return charts.filter((chart) => chart.values.some((value) => value !== null));
+}
+
+function svg(name, attributes, parent) {
+  const element = document.createElementNS(NAMESPACE, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  parent.append(element);
+  return element;
+}
+
+/** Short text of an axis value. */
+function short(value) {
+  return Math.abs(value) >= 100 ? value.toFixed(0) : value.toFixed(1);
+}
+
+export class Charts {
+  constructor(parent, frames, numbers, go) {
+    this.frames = frames;
+    this.numbers = numbers;
+    this.drawn = chartsOf(frames).map((chart) => this.draw(parent, chart, go));
+  }
+
+  draw(parent, chart, go) {
+    const figure = document.createElement("figure");
+    const caption = document.createElement("figcaption");
+    const value = document.createElement("b");
+    caption.append(`${chart.title}, ${chart.unit} `, value);
+    const picture = svg("svg", { viewBox: `0 0 ${CHART_WIDTH} ${CHART_HEIGHT + 18}`, role: "img" }, figure);
+    const known = chart.values.filter((one) => one !== null);
+    let [low, high] = [Math.min(...known), Math.max(...known)];
+    if (high - low < 1e-9) [low, high] = [low - 0.5, high + 0.5];
+    const x = (k) => AXIS_PX + ((CHART_WIDTH - AXIS_PX - 6) * (k + 0.5)) / chart.values.length;
+    const y = (one) => 6 + (CHART_HEIGHT - 10) * (1 - (one - low) / (high - low));
+    for (const one of [low, high]) {
+      svg("line", { x1: AXIS_PX, x2: CHART_WIDTH, y1: y(one), y2: y(one), class: "grid" }, picture);
+      svg("text", { x: AXIS_PX - 5, y: y(one) + 4, "text-anchor": "end" }, picture).textContent = short(one);
+    }
+    const [first, last] = [this.numbers[0], this.numbers[this.numbers.length - 1]];
+    svg("text", { x: AXIS_PX, y: CHART_HEIGHT + 14 }, picture).textContent = `frame ${first}`;
+    if (last !== first) {
+      svg("text", { x: CHART_WIDTH, y: CHART_HEIGHT + 14, "text-anchor": "end" }, picture).textContent = last;
+    }
+    const path = chart.values.map((one, k) => (one === null ? "" : `${x(k)},${y(one)}`)).filter(Boolean);
+    const colour = `var(--${chart.colour})`;
+    svg("polyline", { points: path.join(" "), style: `stroke:${colour}`, class: "series" }, picture);
+    const cursor = svg("line", { y1: 2, y2: CHART_HEIGHT, class: "cursor" }, picture);
+    const dot = svg("circle", { r: 3.5, style: `fill:${colour}` }, picture);
+    picture.addEventListener("click", (event) => {
+      const box = picture.getBoundingClientRect();
+      const at = ((event.clientX - box.left) / box.width) * CHART_WIDTH;
+      const count = chart.values.length;
+      go(Math.min(count - 1, Math.max(0, Math.floor(((at - AXIS_PX) / (CHART_WIDTH - AXIS_PX - 6)) * count))));
+    });
+    figure.prepend(caption);
+    parent.append(figure);
+    return { chart, cursor, dot, value, x, y };
+  }
+
+  show(index) {
+    for (const { chart, cursor, dot, value, x, y } of this.drawn) {
+      const one = chart.values[index];
+      cursor.setAttribute("x1", x(index));
+      cursor.setAttribute("x2", x(index));
+      dot.style.visibility = one === null ? "hidden" : "visible";
+      if (one !== null) {
+        dot.setAttribute("cx", x(index));
+        dot.setAttribute("cy", y(one));
+      }
+      value.textContent = one === null ? "" : short(one);
+    }
+  }
+}

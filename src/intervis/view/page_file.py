@@ -1,0 +1,268 @@
+"""The page as one HTML file: markup, style, script, and the data of all frames."""
+
+import base64
+import html
+import json
+import logging
+import re
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import intervis
+from intervis.arrays import Float64Array
+from intervis.drives import Drive
+from intervis.errors import OutputError, ScanError
+from intervis.files import check_replaceable, write_whole
+from intervis.kernels import thread_count
+from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, REGION
+from intervis.progress import Progress, silent
+from intervis.sight.occupancy_model import DEFAULT_RISK
+from intervis.view.frame_data import FrameData, frame_data
+from intervis.view.view_request import ViewRequest, fixed_place_world
+
+log = logging.getLogger(__name__)
+
+MODULES = (
+    *("numbers", "blocks", "verdicts", "matrices", "orbit", "renderer", "palette", "layers"),
+    *("picking", "pointer", "scan_view", "camera_panel", "timeline", "charts", "selection"),
+    *("engine", "frames", "legend", "static_picture", "page"),
+)
+"""Modules of the page's script; each imports from those before it only."""
+
+IMPORT = re.compile(r"^import\s[^;]*;\n", re.MULTILINE)
+EXPORT = re.compile(r"^export ", re.MULTILINE)
+CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+"""Control characters, and those that change the direction of text."""
+
+MOST_THREADS = 4
+"""Frames that are judged at a time: each takes some 100 MB."""
+
+GENERATOR = b'<meta name="generator" content="intervis view">'
+"""In the head of each page: such files may be replaced."""
+
+VIRIDIS = (
+    *("#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c"),
+    *("#28ae80", "#5ec962", "#addc30", "#fde725"),
+)
+
+COLOURS: dict[str, dict[str, Any]] = {
+    "light": {
+        "visible": INTERVISIBLE,
+        "occluded": NODE,
+        "unknown": FAINT,
+        "region": REGION,
+        "ink": INK,
+        "line": "#59616b",
+        "faint": "#8a9099",
+        "background": "#ffffff",
+    },
+    "dark": {
+        "visible": "#3fa7cc",
+        "occluded": "#f0587a",
+        "unknown": "#6b737e",
+        "region": REGION,
+        "ink": "#e6e9ed",
+        "line": "#c6cad1",
+        "faint": "#7d858f",
+        "background": "#14171b",
+    },
+}
+"""The colours of `intervis.plots.style`, and lighter ones of the same hues on a dark ground."""
+
+ON_IMAGE = {"visible": "#3fa7cc", "occluded": "#ff4f7b", "unknown": "#e6e9ed"}
+
+
+def page_html(
+    drive: Drive,
+    numbers: Sequence[int],
+    request: ViewRequest | None = None,
+    *,
+    is_served: bool = False,
+    progress: Progress | None = None,
+) -> bytes:
+    """Judge frames of a drive, and put them into a page.
+
+    Parameters
+    ----------
+    drive : Drive
+    numbers : sequence of int
+        Frame numbers, one or more.
+    request : ViewRequest, optional
+    is_served : bool
+        Whether `intervis.view.server` will answer the page's questions.
+    progress : callable, optional
+        Called after each frame.
+
+    Returns
+    -------
+    bytes
+        UTF-8. The page loads nothing: it works offline and from the file system.
+
+    Raises
+    ------
+    DriveError
+        A frame lacks the camera or the pose that the request needs, or no scan can be read. Single
+        scans that cannot be read are left out, with a warning.
+    """
+    request, report = request or ViewRequest(), progress or silent
+    fixed_world = None
+    if request.is_fixed:
+        fixed_world = fixed_place_world(drive[numbers[0]], request.viewpoint)
+    frames = _frames(drive, numbers, request, fixed_world, report)
+    named_viewpoint = request.viewpoint if isinstance(request.viewpoint, str) else None
+    content = {
+        "drive": shown(drive.name),
+        "risk": request.risk,
+        "default_risk": DEFAULT_RISK,
+        "viewpoint": None if request.is_fixed else named_viewpoint,
+        "is_served": is_served,
+        "colours": {
+            theme: {**colours, "sequential": VIRIDIS, "onImage": ON_IMAGE}
+            for theme, colours in COLOURS.items()
+        },
+        "frames": [frame.header for frame in frames],
+    }
+    parts = {
+        "TITLE": html.escape(shown(drive.name)),
+        "LEAD": html.escape(_lead(drive, frames, request)),
+        "NOTES": html.escape(_notes()),
+        "CONNECT": "'self'" if is_served else "'none'",
+        "STYLE": _page_file("page.css"),
+        "SCRIPT": script(),
+        "CONTENT": json.dumps(content, allow_nan=False).replace("<", "\\u003c"),
+        "BLOCKS": "\n".join(_blocks(frames)),
+    }
+    template = _page_file("page.html")
+    text = re.sub(r"\{\{([A-Z]+)\}\}", lambda match: parts[match[1]], template)
+    return text.encode("utf-8", errors="backslashreplace")
+
+
+def _frames(
+    drive: Drive,
+    numbers: Sequence[int],
+    request: ViewRequest,
+    fixed_world: Float64Array | None,
+    report: Progress,
+) -> list[FrameData]:
+    """The data of all frames, a few at a time: reading and packing leave cores idle."""
+    with ThreadPoolExecutor(min(thread_count(), MOST_THREADS)) as pool:
+        begun = [pool.submit(frame_data, drive, number, request, fixed_world) for number in numbers]
+        try:
+            frames: list[FrameData] = []
+            unreadable: ScanError | None = None
+            for number, one in zip(numbers, begun, strict=True):
+                try:
+                    frames.append(one.result())
+                except ScanError as error:
+                    log.warning("frame %d is left out: %s", number, error)
+                    unreadable = unreadable or error
+                report(f"frame {number}")
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    if unreadable is not None and not frames:
+        raise unreadable
+    return frames
+
+
+def save_page(path: Path, content: bytes) -> None:
+    """Write a page whole or not at all; only an earlier page is replaced.
+
+    Raises
+    ------
+    OutputError
+        As `check_page`, or the system refuses.
+    """
+    check_page(path)
+    write_whole(path, lambda file: file.write(content))
+
+
+def check_page(path: Path) -> None:
+    """Check before the work that a page can be written to a path.
+
+    Raises
+    ------
+    OutputError
+        Another file stands there, or no regular file.
+    """
+    target = check_replaceable(path)
+    if not target.exists():
+        return
+    try:
+        with open(target, "rb") as file:
+            head = file.read(2048)
+    except OSError as error:
+        raise OutputError(f"cannot read {path}: {error.strerror}.") from None
+    if head and GENERATOR not in head:
+        raise OutputError(
+            f"{path} was not written by 'intervis view' and was not changed: choose another file."
+        )
+
+
+def script() -> str:
+    """The modules of the page as one: in order, without their imports and exports."""
+    return "\n".join(
+        EXPORT.sub("", IMPORT.sub("", _page_file(f"{name}.js"))).strip() for name in MODULES
+    )
+
+
+def shown(text: str) -> str:
+    r"""The text with control characters written as escapes.
+
+    Examples
+    --------
+    >>> print(shown("a\x1b[31m name"))
+    a\x1b[31m name
+    """
+    return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
+
+
+def _page_file(name: str) -> str:
+    return files("intervis.view").joinpath("page", name).read_text(encoding="utf-8")
+
+
+def _blocks(frames: Sequence[FrameData]) -> list[str]:
+    """Elements that hold the binary data of the frames as base64."""
+    made = []
+    for nth, frame in enumerate(frames):
+        for name, content in (("block", frame.block), ("image", frame.jpeg)):
+            if content is not None:
+                text = base64.b64encode(content).decode("ascii")
+                made.append(f'<script type="text/plain" id="{name}-{nth}">{text}</script>')
+    return made
+
+
+def _lead(drive: Drive, frames: Sequence[FrameData], request: ViewRequest) -> str:
+    """What is shown, in two sentences."""
+    place = request.viewpoint
+    where = (
+        f"the {place}"
+        if isinstance(place, str)
+        else "a viewpoint at ({:g}, {:g}, {:g})".format(*place)
+    )
+    if request.is_fixed:
+        where += f" of frame {frames[0].header['number']}, fixed in the world"
+    total = len(drive.frame_numbers)
+    some = f"{len(frames)} of {total:,}" if len(frames) < total else f"{total:,}"
+    scans = max(len(frame.header["memory"]) for frame in frames) + 1
+    used = "one scan" if scans == 1 else f"up to {scans} scans"
+    stored = max(frame.header["stored"] for frame in frames)
+    returns = max(frame.header["returns"] for frame in frames)
+    share = "" if stored == returns else f", evenly chosen of {returns:,}"
+    return (
+        f"What {where} sees: up to {stored:,} returns a frame{share}, each judged by {used};"
+        f" {some} frame{'s' if total > 1 else ''}. Coordinates are metres in the sensor's frame:"
+        " x forward, y left, z up."
+    )
+
+
+def _notes() -> str:
+    return (
+        f"Made by intervis {intervis.__version__}, offline. Visible: beams passed through the space"
+        " between. Occluded: an observed surface lies between. Unknown: the space between was not"
+        " observed, or the evidence is not decisive. The region is the paper's, and not what the"
+        " viewpoint sees."
+    )

@@ -1,0 +1,187 @@
+"""What a page stores of judged returns: the numbers that an explanation prints, as it prints them.
+
+`intervis.sight.explain` prints metres with one decimal and whole percent. The page stores these
+rounded numbers, so that the browser forms the same sentences. Coordinates are rounded to one
+centimetre BEFORE they are judged: an answer belongs to the coordinates that the page shows.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intervis.arrays import Float64Array, FloatArray, IntArray, finite_rows
+from intervis.sight import OCCLUDED, VISIBLE, Scene, Sight
+from intervis.sight.observed_profile import unobserved_parts
+from intervis.view.columns import Columns
+
+PER_M = 100
+"""Stored coordinates are whole multiples of 1 / PER_M metres."""
+
+PARTS = 16
+"""A line is drawn in so many parts, each observed or unobserved."""
+
+BLOCKED, OPEN, NOT_OBSERVED, NOT_DECIDED, BLOCKED_SOMEWHERE, NO_ANSWER = range(6)
+"""Kinds of sentences: occluded by one surface, visible, unknown and not observed, unknown and not
+decided, occluded by no single surface, too far apart."""
+
+PARTLY_OBSERVED = 8
+"""Added to the kind of lines with unobserved metres, for which `profile` has an entry."""
+
+UNDECIDED_M = 0.5
+"""`intervis.sight.explanation` calls an unknown line not observed from so many metres on."""
+
+NOTHING_BESIDE = 65535
+"""Stored as the clearance of lines beside which nothing was observed."""
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedReturns:
+    """Returns of one frame, and the answers for the lines to them from one viewpoint.
+
+    Attributes
+    ----------
+    viewpoint : (3,) float64 array
+        Sensor frame, metres.
+    rows : (N,) int64 array
+        Rows of the scan's file.
+    centimetres : (N, 3) int64 array
+        Sensor frame; what was judged is ``centimetres / 100`` metres.
+    sight : Sight
+        Of N lines.
+    unobserved_m : (N,) float64 array
+    parts_m : (N, PARTS) float64 array
+        Unobserved metres of each part of a line.
+    """
+
+    viewpoint: Float64Array
+    rows: IntArray
+    centimetres: IntArray
+    sight: Sight
+    unobserved_m: Float64Array
+    parts_m: Float64Array
+
+
+def thinned_rows(points: FloatArray, most: int) -> IntArray:
+    """Rows of at most so many returns, evenly chosen; rows that are no return are left out.
+
+    Examples
+    --------
+    >>> thinned_rows(np.array([[np.nan] * 3, [1.0, 0, 0], [2, 0, 0], [3, 0, 0]]), 2)
+    array([1, 2])
+    """
+    rows = np.flatnonzero(finite_rows(points) & points[:, :3].any(axis=1))
+    if len(rows) <= most:
+        return rows
+    return np.asarray(rows[np.arange(most) * len(rows) // most])
+
+
+def judged_returns(
+    scene: Scene,
+    viewpoint: Float64Array,
+    rows: IntArray,
+    centimetres: IntArray,
+    risk: float,
+    moment_s: float | None,
+) -> JudgedReturns:
+    """Judge the lines from a viewpoint to stored returns."""
+    ends = centimetres / PER_M
+    sight = scene.sight(viewpoint, ends, risk=risk, moment_s=moment_s)
+    parts_m = np.zeros((len(ends), PARTS))
+    # `observed` is exactly 1 where no sample is unobserved: those lines need no second march.
+    partly = np.flatnonzero(sight.observed < 1.0)
+    starts = np.broadcast_to(viewpoint, (len(partly), 3))
+    parts_m[partly] = unobserved_parts(scene.packed_scans(moment_s), starts, ends[partly], PARTS)
+    return JudgedReturns(viewpoint, rows, centimetres, sight, parts_m.sum(axis=1), parts_m)
+
+
+def verdict_columns(judged: JudgedReturns) -> Columns:
+    """The columns of judged returns, as the page's ``verdicts.js`` reads them.
+
+    ``row``, ``x``, ``y``, ``z`` (cm), ``kind``, ``percent``, ``clearance`` (dm), ``metres`` (dm:
+    of visible lines the length less the observed metres, of others the unobserved metres);
+    ``profile`` of the lines that are not wholly observed (bit k: part k is mostly unobserved);
+    ``blocker_x`` ... (dm) and ``blocker_at`` (dm from the viewpoint) of the occluded lines.
+    """
+    sight = judged.sight
+    kind = _kinds(sight, judged.unobserved_m)
+    ends = judged.centimetres / PER_M
+    length_m = np.linalg.norm(ends - judged.viewpoint, axis=1)
+    partly = judged.parts_m.any(axis=1)
+    clearance = np.where(np.isfinite(sight.clearance), np.abs(sight.clearance), 0.0)
+    beside_nothing = ~np.isfinite(sight.clearance)
+    unobserved = decimetres(judged.unobserved_m)
+    crossed = decimetres(np.maximum(length_m - judged.unobserved_m, 0.0))
+    blocked = kind == BLOCKED
+    blocker = sight.blocker[blocked]
+    at_m = np.linalg.norm(blocker - judged.viewpoint, axis=1)
+    columns: Columns = {
+        "row": judged.rows,
+        "x": judged.centimetres[:, 0],
+        "y": judged.centimetres[:, 1],
+        "z": judged.centimetres[:, 2],
+        "kind": kind + PARTLY_OBSERVED * partly,
+        "percent": percent_codes(sight.probability),
+        "clearance": np.where(beside_nothing, NOTHING_BESIDE, decimetres(clearance)),
+        "metres": np.where(kind == OPEN, decimetres(length_m) - crossed, unobserved),
+        "profile": _profiles(judged.parts_m[partly], length_m[partly]),
+        "blocker_at": decimetres(at_m),
+    }
+    for axis, name in enumerate("xyz"):
+        columns[f"blocker_{name}"] = decimetres(blocker[:, axis])
+    return columns
+
+
+BY_DIFFERENCE = frozenset(
+    [
+        *("row", "metres", "blocker_at", "edge_a"),
+        *(f"{prefix}{axis}" for prefix in ("", "blocker_", "cell_") for axis in "xyz"),
+    ]
+)
+"""Columns whose successive values are alike."""
+
+
+def _kinds(sight: Sight, unobserved_m: Float64Array) -> IntArray:
+    """(N,) kind of the sentence that explains each line."""
+    blocked = np.isfinite(sight.blocker).all(axis=1)
+    unknown = np.where(unobserved_m > UNDECIDED_M, NOT_OBSERVED, NOT_DECIDED)
+    kind = np.where(sight.state == VISIBLE, OPEN, unknown)
+    kind = np.where(sight.state == OCCLUDED, np.where(blocked, BLOCKED, BLOCKED_SOMEWHERE), kind)
+    return np.asarray(np.where(np.isnan(sight.probability), NO_ANSWER, kind), np.int64)
+
+
+def _profiles(parts_m: Float64Array, length_m: Float64Array) -> IntArray:
+    """(L,) bits of the parts of which more than half is unobserved."""
+    dark = parts_m > 0.5 * length_m[:, None] / PARTS
+    return np.asarray(dark @ (1 << np.arange(PARTS)), np.int64)
+
+
+def decimetres(metres: Float64Array) -> IntArray:
+    """Whole decimetres, rounded as ``f"{value:.1f}"`` rounds metres.
+
+    Examples
+    --------
+    >>> decimetres(np.array([0.04, 0.05, 0.15, 0.25, -1.26])).tolist()
+    [0, 1, 1, 2, -13]
+    """
+    tenths = 10.0 * np.asarray(metres, np.float64)
+    whole = np.rint(tenths)
+    # The product may be rounded across a tie: those few are left to Python's exact rounding.
+    near_tie = np.flatnonzero(np.abs(np.abs(tenths - whole) - 0.5) < 1e-6)
+    for at in near_tie:
+        whole[at] = round(10.0 * float(f"{metres[at]:.1f}"))
+    return np.asarray(whole, np.int64)
+
+
+def percent_codes(probability: Float64Array) -> NDArray[np.int64]:
+    """Whole percent; 0 stands for less than 1 %, 101 for more than 99 %, 255 for none.
+
+    Examples
+    --------
+    >>> percent_codes(np.array([0.004, 0.01, 0.5, 0.99, 0.991, np.nan])).tolist()
+    [0, 1, 50, 99, 101, 255]
+    """
+    known = np.nan_to_num(probability)
+    percent = np.rint(100.0 * known)
+    percent = np.where(known < 0.01, 0, np.where(known > 0.99, 101, percent))
+    return np.where(np.isnan(probability), 255, percent).astype(np.int64)
