@@ -17,6 +17,7 @@ COMMANDS = {
     "sight": "intervis.cli.sight",
     "objects": "intervis.cli.objects",
     "blindspots": "intervis.cli.blind_spots",
+    "masks": "intervis.cli.masks",
     "replay": "intervis.cli.replay",
     "evaluate": "intervis.lab.cli.evaluate",
     "reproduce": "intervis.lab.cli.reproduce",

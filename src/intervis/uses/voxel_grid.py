@@ -94,4 +94,4 @@ class VoxelGrid:
 
 
 def _is_count(count: object) -> bool:
-    return isinstance(count, Integral) and not isinstance(count, bool) and int(count) >= 1
+    return not isinstance(count, bool) and isinstance(count, Integral) and int(count) >= 1

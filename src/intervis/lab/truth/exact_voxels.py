@@ -19,7 +19,7 @@ import numpy as np
 from intervis.arrays import BoolArray, Float64Array
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.lab.worlds.scanner import Scanner
-from intervis.transform import transform
+from intervis.transform import inverse, transform
 from intervis.uses.carving import CarvedGrid
 from intervis.uses.voxel_grid import VoxelGrid
 
@@ -66,7 +66,7 @@ def score_voxels(
     pose : (4, 4) float64 array
         World from scanner.
     """
-    grid, local = carved.grid, transform(np.linalg.inv(pose), triangles)
+    grid, local = carved.grid, transform(inverse(pose), triangles)
     exact, grown, shrunk = (holds_surface(grid, local, m) for m in (0.0, MARGIN_M, -MARGIN_M))
     seen = observable(grid, RayCaster(local), scanner)
     return VoxelScore(

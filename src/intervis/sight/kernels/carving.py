@@ -156,9 +156,7 @@ def _look_up_row(
 def _point(frame: Float64Array, i: float, j: float, k: float, point: Float64Array) -> None:
     """Write the point of the lattice at steps i, j and k, in the sensor's frame."""
     for axis in range(3):
-        point[axis] = (
-            frame[0, axis] + i * frame[1, axis] + j * frame[2, axis] + k * frame[3, axis]
-        )
+        point[axis] = frame[0, axis] + i * frame[1, axis] + j * frame[2, axis] + k * frame[3, axis]
 
 
 @kernel
@@ -272,9 +270,7 @@ def carve_planes(
                     if centre[k] == centre[k]:
                         ahead = free == seen or (free > 0 and centre[k] < 0.0)
                     found = BEFORE if ahead else BEHIND
-                    if 0 < free < seen and _is_across(
-                        frame, depth, surface, i, j, k, up, cell_m
-                    ):
+                    if 0 < free < seen and _is_across(frame, depth, surface, i, j, k, up, cell_m):
                         found = ACROSS
                 place[n, j, k] = found + (VOLUMETRIC if ends_at[k] < 0.0 else 0)
                 centre_depth[n, j, k] = centre[k]
