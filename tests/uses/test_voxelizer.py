@@ -102,7 +102,7 @@ def test_every_voxel_is_as_in_the_tool(shape, seed, share) -> None:
     cell_m = 0.2
     corner = [0.0, -0.5 * shape[1] * cell_m, -0.3]
     occupied = rng.random(shape) < share
-    sensors = rng.uniform(-0.4, 0.4, (3, 3)) + [0.6, 0.0, 0.0]
+    sensors = rng.uniform(-0.4, 0.4, (3, 3)) + np.array([0.6, 0.0, 0.0])
     grid = VoxelGrid(corner, cell_m, shape)
     occluded, invalid = blocked_masks(grid, occupied, sensors)
     expected = Double(occupied, corner, cell_m).masks(sensors.astype(np.float32))
@@ -123,7 +123,7 @@ def test_masks_on_paper() -> None:
 
 
 def test_the_first_voxel_of_a_walk_downwards_is_not_looked_at() -> None:
-    """A walk in a negative direction stops on reaching index 0: what stands there blocks nothing."""
+    """A walk in a negative direction stops on reaching index 0: that voxel blocks no other."""
     grid = VoxelGrid([0.0, -0.1, -0.1], 0.2, (4, 1, 1))
     occupied = np.zeros(grid.shape, bool)
     occupied[0] = True
