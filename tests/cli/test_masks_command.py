@@ -223,7 +223,7 @@ def test_a_real_drive_without_labels(shared_data, tmp_path, capsys) -> None:
         index = np.argwhere(camera)
     centres = (index + 0.5) * 0.4 + [-40, -40, -1] - [0, 0, 1.73]
     frame = drive[0]
-    u, v, depth = (
+    u, _, depth = (
         frame.camera.projection @ frame.cam_from_velo @ np.c_[centres, np.ones(len(centres))].T
     )
     margin_px = 60  # four cameras stand up to half a metre apart

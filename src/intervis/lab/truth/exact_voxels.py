@@ -67,7 +67,8 @@ def score_voxels(
         World from scanner.
     """
     grid, local = carved.grid, transform(inverse(pose), triangles)
-    exact, grown, shrunk = (holds_surface(grid, local, m) for m in (0.0, MARGIN_M, -MARGIN_M))
+    distance, half = surface_distance(grid, local), 0.5 * grid.cell_m
+    exact, grown, shrunk = (distance <= half + m for m in (0.0, MARGIN_M, -MARGIN_M))
     seen = observable(grid, RayCaster(local), scanner)
     return VoxelScore(
         float(np.mean(~exact[carved.free])),
@@ -99,18 +100,21 @@ def observable(grid: VoxelGrid, caster: RayCaster, scanner: Scanner) -> BoolArra
     return seen.reshape(grid.shape)
 
 
-def holds_surface(grid: VoxelGrid, triangles: Float64Array, margin_m: float = 0.0) -> BoolArray:
-    """Which voxels (I, J, K), grown to all sides by a margin, overlap one of the triangles.
+def surface_distance(grid: VoxelGrid, triangles: Float64Array) -> Float64Array:
+    """Half the edge of the smallest cube around each centre (I, J, K) that meets a triangle.
+
+    A voxel holds a surface where this is at most `grid.cell_m / 2`. Distances beyond `MARGIN_M`
+    outside of the voxel are infinite.
 
     Examples
     --------
-    >>> floor = np.array([[[-9.0, -9, 0.3], [9, -9, 0.3], [0, 9, 0.3]]])
-    >>> holds_surface(VoxelGrid([0, 0, 0], 0.2, (1, 1, 3)), floor)
-    array([[[False,  True, False]]])
+    >>> floor = np.array([[[-9.0, -9, 0.36], [9, -9, 0.36], [0, 9, 0.36]]])
+    >>> surface_distance(VoxelGrid([0, 0, 0], 0.2, (1, 1, 3)), floor).round(2)
+    array([[[ inf, 0.06, 0.14]]])
     """
-    found = np.zeros(grid.shape, np.bool_)
-    half = 0.5 * grid.cell_m + margin_m
-    low, high = triangles.min(axis=1) - margin_m, triangles.max(axis=1) + margin_m
+    found = np.full(grid.shape, np.inf)
+    reach = 0.5 * grid.cell_m + MARGIN_M
+    low, high = triangles.min(axis=1) - MARGIN_M, triangles.max(axis=1) + MARGIN_M
     near = ((high >= grid.corner) & (low <= grid.upper)).all(axis=1)
     for corners, least, most in zip(triangles[near], low[near], high[near], strict=True):
         first = np.maximum(np.floor((least - grid.corner) / grid.cell_m).astype(int), 0)
@@ -118,18 +122,23 @@ def holds_surface(grid: VoxelGrid, triangles: Float64Array, margin_m: float = 0.
         box = tuple(slice(a, min(b, n)) for a, b, n in zip(first, last, grid.shape, strict=True))
         counts = [part.stop - part.start for part in box]
         centre = grid.centre_of(np.moveaxis(np.indices(counts), 0, -1) + first)
-        found[box] |= _overlaps(corners, centre, half)
+        distance = _cube_distance(corners, centre)
+        found[box] = np.minimum(found[box], np.where(distance <= reach, distance, np.inf))
     return found
 
 
-def _overlaps(corners: Float64Array, centre: Float64Array, half: float) -> BoolArray:
-    """Whether cubes around centres (..., 3) overlap a triangle (3, 3)."""
+def _cube_distance(corners: Float64Array, centre: Float64Array) -> Float64Array:
+    """Half edges of the smallest cubes around centres (..., 3) that meet a triangle (3, 3).
+
+    Two convex bodies are apart where some axis separates them: a normal of the cube or of the
+    triangle, or a product of two edges.
+    """
     edges = np.roll(corners, -1, axis=0) - corners
-    axes = [np.cross(edges[0], edges[1]), *np.eye(3)]
-    axes += [np.cross(unit, edge) for unit in np.eye(3) for edge in edges]
-    overlap = np.ones(centre.shape[:-1], np.bool_)
-    for axis in axes:
-        spread, reach = corners @ axis, half * np.abs(axis).sum()
-        middle = centre @ axis
-        overlap &= (spread.min() - middle <= reach) & (spread.max() - middle >= -reach)
-    return overlap
+    axes = np.vstack([np.cross(edges[0], edges[1]), np.eye(3)])
+    axes = np.vstack([axes, *(np.cross(np.eye(3), edge) for edge in edges)])
+    lengths = np.abs(axes).sum(axis=1)
+    axes = axes[lengths > 1e-12] / lengths[lengths > 1e-12, None]
+    spread = corners @ axes.T
+    middle = centre @ axes.T
+    beyond = np.maximum(spread.min(axis=0) - middle, middle - spread.max(axis=0))
+    return np.asarray(np.maximum(beyond.max(axis=-1), 0.0))
