@@ -4,15 +4,15 @@ Each scan is drawn as a range image, as `intervis.Scene` draws it. The corners o
 projected into it once, and neighbouring voxels share them:
 
 - **free**: all corners lie before the observed surface (a beam passed beside or beyond them);
-- **occupied**: the voxel holds a return, or the surface passes between its corners;
+- **occupied**: the voxel holds a return, or a surface passes between its corners
+  (`intervis.sight.kernels.carving`);
 - **occluded**: the corners lie behind the surface;
 - **unknown**: fewer than four corners lie in an observed direction.
 
-Where a silhouette crosses a voxel far before the surface behind it, the majority of the corners
-decides.
+Where a silhouette passes between the corners, with other things far behind it, the centre decides.
 
-Several scans add evidence (`intervis.sight.kernels.carving`): occupied +0.85, free -0.4. So what
-stood in a voxel during one scan and not during the others, a moving object, becomes free. What
+Several scans add evidence (`intervis.sight.kernels.carved_sums`): occupied +0.85, free -0.4. So
+what stood in a voxel during one scan and not during the others, a moving object, becomes free. What
 the scan of the moment itself saw free or occupied is not outvoted.
 
 The probability is that of the engine's occupancy model (`intervis.sight.occupancy_model`) for a
@@ -32,6 +32,7 @@ from intervis.arrays import (
     BoolArray,
     Float32Array,
     Float64Array,
+    FloatArray,
     IntArray,
     UInt8Array,
     checked_points,
@@ -40,21 +41,20 @@ from intervis.arrays import (
 from intervis.errors import SceneError
 from intervis.kernels import in_parts
 from intervis.sight import Scene, Sensor
-from intervis.sight.kernels.carving import (
+from intervis.sight.kernels.carved_sums import (
     FREE_SPACE,
     OCCLUDED,
     OCCUPIED,
     UNKNOWN,
     CarvedSums,
     accumulate_scan,
-    carve_planes,
     finish_grid,
-    mark_returns,
 )
+from intervis.sight.kernels.carving import carve_planes, mark_returns
 from intervis.sight.kernels.packed_scans import PackedScans, descriptors_of
 from intervis.sight.kernels.terrain import BORDER_M, CELL_M, CELLS
 from intervis.sight.occupancy_model import CORRELATION, MODEL, SCANS, WEIGHT_DECAY
-from intervis.transform import checked_pose, transform
+from intervis.transform import checked_pose
 from intervis.uses.voxel_grid import VoxelGrid
 
 STATES = {FREE_SPACE: "free", OCCUPIED: "occupied", OCCLUDED: "occluded", UNKNOWN: "unknown"}
@@ -181,14 +181,22 @@ class Carver:
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         kept = np.asarray(xyz[finite_rows(xyz)])
         packed = Scene.from_scan(kept, pose, self._sensor).packed_scans()
+        self.add_packed(packed, kept, scene_from_sensor, now=now)
+
+    def add_packed(
+        self,
+        packed: PackedScans,
+        points: FloatArray,
+        scene_from_sensor: Float64Array,
+        *,
+        now: bool = False,
+    ) -> None:
+        """Add a scan as a scene of this scan alone packs it; its points (N, 3) are finite."""
         returns = np.zeros(self.grid.shape, np.uint8)
-        mark_returns(
-            transform(scene_from_sensor, kept),
-            self.grid.corner,
-            self.grid.cell_m,
-            self._lift,
-            returns,
-        )
+        grid = self.grid
+        # Not by a product of matrices: BLAS spreads such small ones over threads, which costs more.
+        rows = np.ascontiguousarray(points)
+        mark_returns(rows, scene_from_sensor, grid.corner, grid.cell_m, self._lift, returns)
         self._carve(packed, returns, now)
         if self._ground is None or now:
             self._ground = packed

@@ -32,7 +32,7 @@ from intervis.arrays import (
 from intervis.errors import SettingsError
 from intervis.progress import Progress, silent
 from intervis.sight import Scene
-from intervis.sight.kernels.carving import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
+from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.transform import transform
 from intervis.uses.camera_voxels import PosedCamera, seen_by_lines, seen_by_pixels
 from intervis.uses.carving import CarvedGrid, Carver

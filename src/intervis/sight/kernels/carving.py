@@ -2,14 +2,22 @@
 
 A line engine judges each voxel alone. Here neighbours share their corners: each corner of the
 lattice is projected once, and the depths at the eight corners tell whether the voxel lies before
-the observed surface, behind it, or across it.
+the observed surface, behind it, or across it. Where a silhouette passes between the corners, the
+centre decides. `carved_sums` adds what several scans say.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, Int16Array, Int32Array, UInt8Array
+from intervis.arrays import (
+    Float32Array,
+    Float64Array,
+    FloatArray,
+    Int16Array,
+    Int32Array,
+    UInt8Array,
+)
 from intervis.kernels import kernel
 from intervis.sight.kernels.batch import LANES
 from intervis.sight.kernels.packed_scans import (
@@ -21,41 +29,19 @@ from intervis.sight.kernels.packed_scans import (
     ROWS_PER_UNIT,
     UNIT_M,
 )
-from intervis.sight.kernels.parameters import OccupancyModel, Parameters
 from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 from intervis.sight.kernels.samples import clamped
-from intervis.sight.kernels.terrain import ASSUMED_OFFSET_M
 
 UNSEEN, BEFORE, ACROSS, BEHIND = range(4)
 """What a scan says about a voxel: nothing, or where it lies to the observed surface."""
 VOLUMETRIC = 4
+"""Is added where the direction of the voxel's centre ends at a volumetric return."""
 LEAST_CORNERS = 4
 """So many corners in observed directions make a voxel observed."""
-HIT, FREE = 0.85, -0.4
-"""Evidence of one scan for an occupied and for a free voxel, in log-odds: the values of OctoMap
-(Hornung et al. 2013, doi:10.1007/s10514-012-9321-0)."""
-FREE_SPACE, OCCUPIED, OCCLUDED, UNKNOWN = range(4)
-"""The states of a voxel."""
 SAME_RANGE_CELLS, SAME_HEIGHT_CELLS, SAME_HEIGHT_JUMP = 1.5, 0.25, 0.3
-"""One surface passes between the corners of a voxel where the ranges that they see differ by less
-than so many voxels, or the heights by so many and the ranges by that fraction. On three streets a
-surface lies within 5 cm of 98 % of the voxels that these rules call occupied, of the other mixed
-ones within 5 cm of 60 %."""
-
-
-class CarvedSums(NamedTuple):
-    """What the scans so far say about each voxel, (I, J, K) each.
-
-    `log_odds` is the sum of the depth's log-odds over the `scans` that observed the voxel,
-    `evidence` the sum of `HIT` and `FREE`. `behind` is 1 where some scan saw a surface before the
-    voxel. `now` is what the scan of the moment says, `UNSEEN` to `BEHIND`.
-    """
-
-    log_odds: Float32Array
-    evidence: Float32Array
-    scans: Int16Array
-    behind: UInt8Array
-    now: UInt8Array
+"""One surface passes between corners whose ranges differ by less than so many voxels, or whose
+heights do by so many and ranges by that fraction. Chosen on three streets (seeds 0 to 2), where a
+surface lay within 5 cm of 99 % of the voxels that these two rules call occupied."""
 
 
 class Row(NamedTuple):
@@ -185,7 +171,8 @@ def _is_across(
     """Whether one surface passes between the corners of a voxel, or ranges jump beside it.
 
     One surface does where all corners see about the same range, or the same height (a road at
-    grazing incidence).
+    grazing incidence), or where a corner lies less than a voxel behind a surface and no corner sees
+    volumetric returns.
     """
     base, ex, ey, ez = frame[0], frame[1], frame[2], frame[3]
     low, high, lowest, highest = np.inf, 0.0, np.inf, -np.inf
@@ -243,10 +230,11 @@ def carve_planes(
     """
     planes, rows, levels = place.shape
     width = (levels + LANES) // LANES * LANES
-    row, step = _new_row(width), frame[3]
+    centres = (levels + LANES - 1) // LANES * LANES
+    row, centre_row, step = _new_row(width), _new_row(centres), frame[3]
     depth = np.empty((2, rows + 1, width), np.float32)
     surface = np.empty((2, rows + 1, width), np.float32)
-    centre, ends_at = np.empty(width, np.float32), np.empty(width, np.float32)
+    centre, ends_at = np.empty(centres, np.float32), np.empty(centres, np.float32)
     known, before = np.empty(levels + 1, np.int16), np.empty(levels + 1, np.int16)
     point = np.empty(3)
     for n in range(-1, planes):
@@ -260,7 +248,7 @@ def carve_planes(
         for j in range(rows):
             up = 0.25 * (lift[i, j] + lift[i + 1, j] + lift[i, j + 1] + lift[i + 1, j + 1])
             _point(frame, i + 0.5, j + 0.5, up + 0.5, point)
-            _look_up_row(pixels, descriptor, point, step, row, centre, ends_at)
+            _look_up_row(pixels, descriptor, point, step, centre_row, centre, ends_at)
             _count_corners(depth, j, known, before)
             for k in range(levels):
                 seen, free = known[k] + known[k + 1], before[k] + before[k + 1]
@@ -278,107 +266,26 @@ def carve_planes(
 
 @kernel
 def mark_returns(
-    points: Float64Array,
+    points: FloatArray,
+    scene_from_sensor: Float64Array,
     corner: Float64Array,
     cell_m: float,
     lift: Float64Array,
     returns: UInt8Array,
 ) -> None:
-    """Count the returns (N, 3) of a scan, scene frame, in each voxel (I, J, K), up to 255."""
+    """Count the returns (N, 3) of a scan, sensor frame, in each voxel (I, J, K), up to 255."""
     columns, rows, levels = returns.shape
+    place = np.empty(3)
     for n in range(len(points)):
-        p = (points[n, 0] - corner[0]) / cell_m
-        q = (points[n, 1] - corner[1]) / cell_m
-        if not (0.0 <= p < columns and 0.0 <= q < rows):
+        for axis in range(3):
+            g = scene_from_sensor[axis]
+            at = g[0] * points[n, 0] + g[1] * points[n, 1] + g[2] * points[n, 2] + g[3]
+            place[axis] = (at - corner[axis]) / cell_m
+        if not (0.0 <= place[0] < columns and 0.0 <= place[1] < rows):
             continue
-        i, j = int(p), int(q)
+        i, j = int(place[0]), int(place[1])
         up = 0.25 * (lift[i, j] + lift[i + 1, j] + lift[i, j + 1] + lift[i + 1, j + 1])
-        r = (points[n, 2] - corner[2]) / cell_m - up
+        r = place[2] - up
         if 0.0 <= r < levels:
             k = int(r)
             returns[i, j, k] = min(returns[i, j, k] + 1, 255)
-
-
-@kernel
-def accumulate_scan(
-    place: UInt8Array,
-    centre_depth: Float32Array,
-    returns: UInt8Array,
-    is_now: bool,
-    depth_log_odds: Float64Array,
-    parameters: Parameters,
-    sums: CarvedSums,
-) -> None:
-    """Add what one scan says about the planes of voxels at hand.
-
-    A voxel that holds a return, or that the surface passes, is occupied; its depth counts as 0.
-    """
-    entries = len(depth_log_odds) // 2
-    columns, rows, levels = place.shape
-    for i in range(columns):
-        for j in range(rows):
-            for k in range(levels):
-                found, depth = place[i, j, k], centre_depth[i, j, k]
-                volumetric, found = found >= VOLUMETRIC, found & 3
-                if returns[i, j, k] > 0:
-                    found = ACROSS
-                if found == ACROSS:
-                    depth = np.float32(0.0)
-                if found == UNSEEN:
-                    continue
-                if depth == depth:
-                    at = (depth - parameters.depth_from_m) * parameters.entries_per_m
-                    entry = int(clamped(at, entries - 1.0))
-                    entry += 0 if volumetric else entries
-                    sums.log_odds[i, j, k] += depth_log_odds[entry]
-                    sums.scans[i, j, k] += 1
-                if found == BEHIND:
-                    sums.behind[i, j, k] = 1
-                else:
-                    sums.evidence[i, j, k] += HIT if found == ACROSS else FREE
-                if is_now:
-                    sums.now[i, j, k] = found
-
-
-@kernel
-def finish_grid(
-    sums: CarvedSums,
-    height: Float64Array,
-    cell_m: float,
-    model: OccupancyModel,
-    total_weight: Float64Array,
-    state: UInt8Array,
-    probability: Float32Array,
-) -> None:
-    """States and probabilities of the planes of voxels at hand from their sums.
-
-    `height` (n, J) is the height of the lowest centres above the ground, as `compute_heights`
-    gives it: greater by `ASSUMED_OFFSET_M` over assumed ground, NaN without any.
-    `total_weight` (W,): the sum of the weights of so many scans.
-    """
-    columns, rows, levels = state.shape
-    parameters, occupancies = model.parameters, model.tables.occupancies
-    heights, most = model.tables.height_log_odds, len(total_weight) - 1
-    for i in range(columns):
-        for j in range(rows):
-            for k in range(levels):
-                above = height[i, j] + k * cell_m
-                assumed = above > 0.5 * ASSUMED_OFFSET_M
-                start = parameters.height_from_m
-                start = ASSUMED_OFFSET_M + parameters.assumed_from_m if assumed else start
-                last, known = len(heights) - 1.0, parameters.known_height_entries
-                entry = clamped((above - start) * parameters.entries_per_m, last)
-                entry = min(entry + known, last) if assumed else min(entry, known - 1.0)
-                log_odds = heights[int(entry)]
-                n = sums.scans[i, j, k]
-                if n > 0:
-                    log_odds += total_weight[min(n, most)] * sums.log_odds[i, j, k] / n
-                at = (log_odds - parameters.log_odds_from) * parameters.entries_per_log_odds
-                probability[i, j, k] = occupancies[int(clamped(at, len(occupancies) - 1.0))]
-                now, evidence = sums.now[i, j, k], sums.evidence[i, j, k]
-                if now == ACROSS or (now != BEFORE and evidence > 0.0):
-                    state[i, j, k] = OCCUPIED
-                elif now == BEFORE or evidence < 0.0:
-                    state[i, j, k] = FREE_SPACE
-                else:
-                    state[i, j, k] = OCCLUDED if sums.behind[i, j, k] else UNKNOWN
