@@ -10,7 +10,7 @@ from intervis.uses.bev_grid import BevGrid, bev_grid
 FREE, OCCUPIED, OCCLUDED, UNKNOWN = range(4)
 
 
-def street(slope: float = 0.0, post_at: tuple[float, float] | None = (6.0, 2.0)) -> np.ndarray:
+def street(slope: float = 0.0, post_at: tuple[float, float] | None = (6.05, 2.05)) -> np.ndarray:
     """A plane that rises towards x, a wall at x = 15, and a post as high as the scanner.
 
     The scanner stands 1.8 m above the plane.
@@ -66,7 +66,7 @@ def test_something_that_moved_away_is_no_obstacle_now() -> None:
 
 def test_a_second_place_sees_behind_the_post() -> None:
     pose = rigid(np.eye(3), [0.0, 8.0, 0.0])
-    points = street(post_at=(6.0, 2.0 - 8.0))
+    points = street(post_at=(6.05, 2.05 - 8.0))
     grid = bev_grid([(street(), None), (points, pose)], reach_m=14.0)
     assert state_at(grid, 9.0, 3.0) == FREE
     assert state_at(grid, 6.05, 2.05) == OCCUPIED
