@@ -1,6 +1,6 @@
 """How often carved grids are right, and how they agree with sight lines and with Occ3D's files.
 
-python tools/grid_report.py [--worlds 3 4 5] [--drive DRIVE] [--occ3d labels.npz --rig frame.json]
+python tools/grid_report.py [--worlds 3 4 5 --later 10] [--drive DRIVE] [--occ3d labels.npz --rig frame.json]
 
 Worlds are seeds of the built-in street, none of which the rules were chosen on (those were 0, 1
 and 2). The drive's first scan is carved and asked by lines to random voxels. The rig is the JSON
@@ -29,29 +29,41 @@ from intervis.uses.voxel_grid import VoxelGrid
 FLAT_CLASSES = (11, 12, 13, 14)
 """Occ3D's classes of ground: driveable surface, other flat, sidewalk, terrain."""
 TIMES_S = (0.0, 4.0)
+BETWEEN_S = 0.5
+"""Time between the scans of a world."""
 LINES = 100_000
 
 
-def world_table(seeds: list[int]) -> Table:
-    """Scores of the grid of SemanticKITTI from one scan of each world and time."""
-    grid, scanner, rows = LAYOUTS["semantickitti"].grid, Scanner(), []
-    scores: list[VoxelScore] = []
-    for seed in seeds:
-        world = build_street(seed)
-        for time_s in TIMES_S:
-            pose, snapshot = world.vehicle_pose_at(time_s), world.at(time_s)
-            points, _ = scanner.scan(snapshot, pose, np.random.default_rng(seed))
-            carver = Carver(grid)
-            carver.add(points, now=True)
-            score = score_voxels(carver.result(), snapshot.triangles, scanner, pose)
-            scores.append(score)
-            rows.append((f"street {seed}, {time_s:g} s", *_cells(score)))
-    mean = np.mean([_shares(one) for one in scores], axis=0)
-    total = f"{sum(one.observable for one in scores):,}"
-    rows.append(("mean", *(f"{100 * share:.1f} %" for share in mean), total))
+def world_table(seeds: list[int], later: int) -> Table:
+    """Scores of the grid of SemanticKITTI in each world and at each time.
+
+    From the scan of that time, and from `later` more scans, during which things move; the world at
+    the time of the first scan decides.
+    """
+    grid, scanner = LAYOUTS["semantickitti"].grid, Scanner()
+    rows: list[tuple[str, ...]] = []
+    for added in (0, later) if later else (0,):
+        scores: list[VoxelScore] = []
+        for seed in seeds:
+            world = build_street(seed)
+            for time_s in TIMES_S:
+                carver, pose = Carver(grid), world.vehicle_pose_at(time_s)
+                for nth in range(added + 1):
+                    at_s = time_s + nth * BETWEEN_S
+                    points, _ = scanner.scan(
+                        world.at(at_s), world.vehicle_pose_at(at_s), np.random.default_rng(nth)
+                    )
+                    moved = inverse(pose) @ world.vehicle_pose_at(at_s)
+                    carver.add(points, moved, now=nth == 0)
+                triangles = world.at(time_s).triangles
+                scores.append(score_voxels(carver.result(), triangles, scanner, pose))
+                rows.append((f"street {seed}, {time_s:g} s", f"{added + 1}", *_cells(scores[-1])))
+        mean = np.mean([_shares(one) for one in scores], axis=0)
+        total = f"{sum(one.observable for one in scores):,}"
+        rows.append(("mean", f"{added + 1}", *(f"{100 * share:.1f} %" for share in mean), total))
     heads = (
-        *("world", "free right", "occupied right", "free right, 5 cm", "occupied right, 5 cm"),
-        *("observable claimed", "observable"),
+        *("world", "scans", "free right", "occupied right", "free right, 5 cm"),
+        *("occupied right, 5 cm", "observable claimed", "observable"),
     )
     return Table("Exact worlds", heads, tuple(rows))
 
@@ -128,12 +140,13 @@ def main() -> None:
     """Print the tables asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worlds", type=int, nargs="*", default=[])
+    parser.add_argument("--later", type=int, default=0)
     parser.add_argument("--drive", type=Path)
     parser.add_argument("--occ3d", type=Path)
     parser.add_argument("--rig", type=Path)
     options = parser.parse_args()
     if options.worlds:
-        print(world_table(options.worlds).as_text())
+        print(world_table(options.worlds, options.later).as_text())
     if options.drive:
         print(line_table(options.drive).as_text())
     if options.occ3d and options.rig:

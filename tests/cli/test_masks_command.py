@@ -122,7 +122,7 @@ MISTAKES = [
     (["--definition", "kitti"], "there is no definition 'kitti'; choose one of exact"),
     (["--layout", "occ3d-nuscenes", "--definition", "semantickitti"], "has no room for masks"),
     (["--cell", "0.1"], "the grid of semantickitti is fixed"),
-    (["--layout", "npz", "--shape", "9000,9000,9"], "would take 11.7 GB"),
+    (["--layout", "npz", "--shape", "9000,9000,9"], "would take 17.5 GB"),
     (["--layout", "npz", "--shape", "a,b"], "--shape must be three whole numbers"),
     (["--layout", "npz", "--cell", "-1"], "cell_m must be a positive length"),
     (["--later", "-1"], "--later must be 0 or more"),

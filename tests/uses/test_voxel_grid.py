@@ -47,7 +47,7 @@ def test_far_points_do_not_overflow() -> None:
         ([0, 0, 0], 0.2, (4, 4), "three whole numbers"),
         ([0, 0, 0], 0.2, (4.5, 4, 4), "three whole numbers"),
         ([0, 0, 0], 0.2, (True, 4, 4), "three whole numbers"),
-        ([0, 0, 0], 0.2, (4096, 4096, 100), r"1,677,721,600, which would take 26.8 GB"),
+        ([0, 0, 0], 0.2, (4096, 4096, 100), r"1,677,721,600, which would take 40.3 GB"),
     ],
 )
 def test_a_grid_that_makes_no_sense_is_told(corner, cell_m, shape, message) -> None:

@@ -13,7 +13,7 @@ from intervis.errors import SettingsError
 from intervis.sight.query_checks import positive_length
 
 MOST_VOXELS = 40_000_000
-BYTES_PER_VOXEL = 16
+BYTES_PER_VOXEL = 24
 """Memory that a voxel takes while a grid is carved."""
 
 
