@@ -1,6 +1,7 @@
 """How often carved grids are right, and how they agree with sight lines and with Occ3D's files.
 
-python tools/grid_report.py [--worlds 3 4 5 --later 10] [--drive DRIVE] [--occ3d labels.npz --rig frame.json]
+python tools/grid_report.py [--worlds 3 4 5 --later 10] [--drive DRIVE]
+python tools/grid_report.py --occ3d labels.npz --rig frame.json
 
 Worlds are seeds of the built-in street, none of which the rules were chosen on (those were 0, 1
 and 2). The drive's first scan is carved and asked by lines to random voxels. The rig is the JSON

@@ -235,7 +235,7 @@ def test_the_scans_of_a_grid_may_be_turned_with_it() -> None:
 
 def test_inputs_stay_and_mistakes_are_told() -> None:
     points, pose = room()
-    points = np.vstack([points, [[np.nan, 0, 0], [np.inf, 0, 0]]])
+    points = np.vstack([points, [[np.nan, 0, 0], [np.inf, 0, 0], [0, 0, 0]]])
     before = points.copy(), pose.copy()
     carver = Carver(GRID)
     with pytest.raises(SceneError, match="has no scan"):
@@ -248,6 +248,8 @@ def test_inputs_stay_and_mistakes_are_told() -> None:
     np.testing.assert_array_equal(points, before[0])
     np.testing.assert_array_equal(pose, before[1])
     assert "64 x 48 x 16 voxels of 0.25 m" in repr(carver.result())
+    at_scanner = GRID.index_of(pose[None, :3, 3])[0][0]
+    assert carver.result().state[tuple(at_scanner)] != OCCUPIED  # 0, 0, 0 is no return
 
 
 def test_an_empty_scan_leaves_all_unknown() -> None:

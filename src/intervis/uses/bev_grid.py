@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import Float32Array, Float64Array, UInt8Array, checked_points, finite_rows
+from intervis.arrays import Float32Array, Float64Array, UInt8Array, checked_points
 from intervis.errors import SceneError, SettingsError
 from intervis.sight import Scene, Sensor
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.sight.query_checks import finite_number, positive_length
-from intervis.uses.carving import STATES, CarvedGrid, Carver
+from intervis.uses.carving import STATES, CarvedGrid, Carver, is_return
 from intervis.uses.voxel_grid import VoxelGrid
 
 
@@ -106,7 +106,7 @@ def bev_grid(
     count = max(1, round(min(2.0 * reach_m / cell_m, 1e7)))
     levels = max(1, round(min((highest - lowest) / cell_m, 1e7)))
     points, pose = checked_points(scans[0][0]), scans[0][1]
-    points = np.asarray(points[finite_rows(points)])
+    points = np.asarray(points[is_return(points)])
     scene = Scene.from_scan(points, pose, sensor)
     corner = scene.poses[0, :2, 3] - 0.5 * count * cell_m
     grid = VoxelGrid([*corner, lowest], cell_m, (count, count, levels))

@@ -54,6 +54,7 @@ from intervis.sight.kernels.carving import carve_planes, mark_returns
 from intervis.sight.kernels.packed_scans import PackedScans, descriptors_of
 from intervis.sight.kernels.terrain import BORDER_M, CELL_M, CELLS
 from intervis.sight.occupancy_model import CORRELATION, MODEL, SCANS, WEIGHT_DECAY
+from intervis.sight.sensor import NO_RETURN_M
 from intervis.transform import checked_pose
 from intervis.uses.voxel_grid import VoxelGrid
 
@@ -165,7 +166,7 @@ class Carver:
         Parameters
         ----------
         points : (N, 3) or (N, 4) float array
-            In the sensor's frame, metres; rows that are not finite are left out.
+            In the sensor's frame, metres; rows that are no returns are left out (`is_return`).
         pose : (4, 4) array or None
             Scene from sensor. None: the scene's frame is the sensor's.
         now : bool
@@ -179,7 +180,7 @@ class Carver:
         """
         xyz = checked_points(points)
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
-        kept = np.asarray(xyz[finite_rows(xyz)])
+        kept = np.asarray(xyz[is_return(xyz)])
         packed = Scene.from_scan(kept, pose, self._sensor).packed_scans()
         self.add_packed(packed, kept, scene_from_sensor, now=now)
 
@@ -249,6 +250,19 @@ class Carver:
 
         in_parts(work, self.grid.shape[0], least=_LEAST_PLANES)
         return CarvedGrid(self.grid, state, probability, self.scans)
+
+
+def is_return(points: FloatArray) -> BoolArray:
+    """Which rows (N, 3), sensor frame, are returns: finite, and not at the scanner itself.
+
+    Examples
+    --------
+    >>> is_return(np.array([[4.0, 0, 0], [0, 0, 0], [np.nan, 0, 0]]))
+    array([ True, False, False])
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        away = np.abs(points).max(axis=1, initial=0.0) >= NO_RETURN_M
+    return np.asarray(away & finite_rows(points))
 
 
 def _lowest_heights(grid: VoxelGrid, lift: Float64Array, ground: PackedScans) -> Float64Array:

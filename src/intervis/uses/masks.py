@@ -27,7 +27,6 @@ from intervis.arrays import (
     Float64Array,
     FloatArray,
     UInt8Array,
-    finite_rows,
 )
 from intervis.errors import SettingsError
 from intervis.progress import Progress, silent
@@ -35,7 +34,7 @@ from intervis.sight import Scene
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.transform import transform
 from intervis.uses.camera_voxels import PosedCamera, seen_by_lines, seen_by_pixels
-from intervis.uses.carving import CarvedGrid, Carver
+from intervis.uses.carving import CarvedGrid, Carver, is_return
 from intervis.uses.kernels.ray_walk import CROSSED, ENDED, mark_beams
 from intervis.uses.voxel_grid import VoxelGrid
 from intervis.uses.voxelizer import MOVING_CLASSES, blocked_masks, tool_keeps, voted_labels
@@ -159,8 +158,8 @@ def masks_of(
         raise SettingsError(
             f"there is no definition {definition!r}; choose one of {', '.join(DEFINITIONS)}."
         )
-    finite = [scan.only(finite_rows(scan.points)) for scan in scans]
-    kept = finite if keep_moving else [_without_moving(scan) for scan in finite]
+    returns = [scan.only(is_return(scan.points)) for scan in scans]
+    kept = returns if keep_moving else [_without_moving(scan) for scan in returns]
     make = {"exact": _exact, "semantickitti": _semantickitti, "occ3d": _occ3d}[definition]
     return make(grid, kept, cameras or {}, progress or silent)
 
