@@ -55,6 +55,7 @@ def test_a_labelled_sequence_in_semantickitti_layout(sequence, tmp_path, capsys)
     said = capsys.readouterr()
     assert "1 frames: semantickitti, definition semantickitti." in said.out
     assert "no labels" not in said.out
+    assert "Moving things of later frames, by their labels: left out" in said.out
     assert not said.err
     files = {path.name: path.stat().st_size for path in (out / "voxels").iterdir()}
     assert files == {

@@ -152,7 +152,7 @@ def test_labels_are_voted(seed) -> None:
     rng = np.random.default_rng(seed)
     grid = VoxelGrid([0, 0, 0], 1.0, (3, 2, 2))
     points, labels = rng.uniform(-0.5, 3.5, (80, 3)), rng.integers(0, 4, 80).astype(np.uint16)
-    occupied, label = voted_labels(grid, points, labels)
+    occupied, label = voted_labels(grid, [(points[:30], labels[:30]), (points[30:], labels[30:])])
     for voxel in np.ndindex(grid.shape):
         here = [
             int(one)
@@ -173,7 +173,7 @@ def test_a_real_scan_blocks_as_a_straight_line_does(shared_data) -> None:
     frame = open_drive(shared_data / "semantickitti" / "000000.bin")[0]
     grid = VoxelGrid([0.0, -25.6, -2.0], 0.2, (256, 256, 32))
     kept = tool_keeps(frame.points)
-    occupied, label = voted_labels(grid, frame.points[kept], frame.point_classes[kept])
+    occupied, label = voted_labels(grid, [(frame.points[kept], frame.point_classes[kept])])
     assert (label[~occupied] == 0).all()
     occluded, invalid = blocked_masks(grid, occupied, np.empty((0, 3)))
     assert occluded[occupied].all()

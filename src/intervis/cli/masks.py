@@ -112,6 +112,9 @@ def masks(
     if fewer:
         tell(f"note: {fewer} targets near the end of the drive have fewer than {count} frames.")
     show(f"{drive.name}, {len(numbers)} frames: {layout}, definition {definition}.")
+    if count and first.label is not None:
+        kept = "kept" if keep_moving else "left out; the tool keeps them, and so does --keep-moving"
+        show(f"Moving things of later frames, by their labels: {kept}.")
     show(_shares(numbers[0], first))
     show(f"Masks: {out}")
     if picture is not None:

@@ -19,6 +19,7 @@ from intervis.errors import OutputError
 from intervis.files import write_bytes
 from intervis.uses.masks import Masks
 from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxelizer import LATER_SCANS
 
 OCC3D_FREE = 17
 """Occ3D-nuScenes' class of free voxels."""
@@ -212,7 +213,12 @@ LAYOUTS: dict[str, MaskLayout] = {
     layout.name: layout
     for layout in (
         MaskLayout(
-            "semantickitti", _KITTI_GRID, _KITTI, _semantickitti, later=70, has_cameras=False
+            "semantickitti",
+            _KITTI_GRID,
+            _KITTI,
+            _semantickitti,
+            later=LATER_SCANS,
+            has_cameras=False,
         ),
         MaskLayout(
             "sscbench-nuscenes",
@@ -231,7 +237,12 @@ LAYOUTS: dict[str, MaskLayout] = {
             has_cameras=False,
         ),
         MaskLayout(
-            "sscbench-waymo", _KITTI_GRID, _KITTI, _sscbench_waymo, later=70, has_cameras=False
+            "sscbench-waymo",
+            _KITTI_GRID,
+            _KITTI,
+            _sscbench_waymo,
+            later=LATER_SCANS,
+            has_cameras=False,
         ),
         MaskLayout(
             "occ3d-nuscenes",

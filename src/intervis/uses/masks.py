@@ -172,11 +172,19 @@ def _without_moving(scan: PosedScan) -> PosedScan:
 
 def _voted(grid: VoxelGrid, scans: Sequence[PosedScan]) -> NDArray[np.uint16] | None:
     """The label of most returns of each voxel; None where some scan has none."""
-    labels = [scan.labels for scan in scans if scan.labels is not None]
-    if len(labels) < len(scans):
-        return None
-    points = [transform(scan.grid_from_sensor, scan.points) for scan in scans]
-    return voted_labels(grid, np.concatenate(points), np.concatenate(labels))[1]
+    return None if any(scan.labels is None for scan in scans) else _votes(grid, scans)[1]
+
+
+def _votes(grid: VoxelGrid, scans: Sequence[PosedScan]) -> tuple[BoolArray, NDArray[np.uint16]]:
+    """Voxels with labelled returns, and the label of most of them."""
+    return voted_labels(
+        grid,
+        (
+            (transform(scan.grid_from_sensor, scan.points), scan.labels)
+            for scan in scans
+            if scan.labels is not None
+        ),
+    )
 
 
 def _exact(
@@ -236,20 +244,16 @@ def _semantickitti(
         )
     entered = [scan.only(tool_keeps(scan.points)) for scan in scans]
     now = [scan for scan in entered if scan.is_now]
-    points = [transform(scan.grid_from_sensor, scan.points) for scan in entered]
-    labels = [scan.labels for scan in entered if scan.labels is not None]
-    occupied, label = voted_labels(grid, np.concatenate(points), np.concatenate(labels))
+    occupied, label = _votes(grid, entered)
     progress("labels")
     later = np.array([scan.grid_from_sensor[:3, 3] for scan in entered if not scan.is_now])
     occluded, invalid = blocked_masks(grid, occupied, later)
     progress("walks")
-    input_label = _voted(grid, now)
-    assert input_label is not None
     state = np.where(occupied, OCCUPIED, np.where(invalid, OCCLUDED, FREE_SPACE)).astype(np.uint8)
     return Masks(
         grid,
         "semantickitti",
-        input=input_label > 0,
+        input=_votes(grid, now)[1] > 0,
         occupied=occupied,
         free=state == FREE_SPACE,
         occluded=occluded,

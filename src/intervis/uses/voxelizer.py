@@ -11,6 +11,8 @@
 Moving objects stay in the target, as tubes, unless the caller leaves their returns out.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,28 +38,31 @@ def tool_keeps(points: FloatArray) -> BoolArray:
 
 
 def voted_labels(
-    grid: VoxelGrid, points: FloatArray, labels: NDArray[np.uint16]
+    grid: VoxelGrid, scans: Iterable[tuple[FloatArray, NDArray[np.uint16]]]
 ) -> tuple[BoolArray, NDArray[np.uint16]]:
     """Which voxels (I, J, K) hold points, and the label of most of them (0: none or unlabelled).
 
     Parameters
     ----------
     grid : VoxelGrid
-    points : (N, 3) float array
-        Finite, in the frame of the grid, metres.
-    labels : (N,) uint16 array
+    scans : iterable of (points, labels)
+        Points (N, 3), finite, in the frame of the grid, metres; labels (N,) uint16. One scan is
+        held at a time.
 
     Examples
     --------
     >>> points = np.array([[9.1, 0, 0], [9.1, 0.1, 0], [9.1, 0.1, 0.1]])
     >>> labels = np.array([40, 10, 10], np.uint16)
-    >>> occupied, label = voted_labels(VoxelGrid([9, 0, 0], 0.2, (1, 1, 2)), points, labels)
+    >>> occupied, label = voted_labels(VoxelGrid([9, 0, 0], 0.2, (1, 1, 2)), [(points, labels)])
     >>> occupied[0, 0], label[0, 0]
     (array([ True, False]), array([10,  0], dtype=uint16))
     """
-    index, inside = grid.index_of(points)
-    flat: IntArray = np.ravel_multi_index(tuple(index[inside].T), grid.shape).astype(np.int64)
-    each, counts = np.unique((flat << 16) | labels[inside], return_counts=True)
+    keys: list[IntArray] = [np.empty(0, np.int64)]
+    for points, labels in scans:
+        index, inside = grid.index_of(points)
+        flat = np.ravel_multi_index(tuple(index[inside].T), grid.shape).astype(np.int64)
+        keys.append((flat << 16) | labels[inside])
+    each, counts = np.unique(np.concatenate(keys), return_counts=True)
     # Ascending by voxel and label; of each voxel the first of the labels with the largest count.
     order = np.lexsort((each, -counts, each >> 16))
     voxel, first = np.unique(each[order] >> 16, return_index=True)
