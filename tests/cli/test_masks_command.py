@@ -53,7 +53,7 @@ def test_a_labelled_sequence_in_semantickitti_layout(sequence, tmp_path, capsys)
     command = ["masks", str(sequence), "--out", str(out), "--definition", "semantickitti"]
     assert exit_code([*command, "--frames", "0", "--later", "2"]) == 0
     said = capsys.readouterr()
-    assert "1 frames: semantickitti, definition semantickitti." in said.out
+    assert "1 frame: semantickitti, definition semantickitti." in said.out
     assert "no labels" not in said.out
     assert "Moving things of later frames, by their labels: left out" in said.out
     assert not said.err

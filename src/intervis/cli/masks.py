@@ -110,8 +110,9 @@ def masks(
     assert first is not None
     fewer = sum(len(later_frames(drive, number, count)) < count for number in numbers)
     if fewer:
-        tell(f"note: {fewer} targets near the end of the drive have fewer than {count} frames.")
-    show(f"{drive.name}, {len(numbers)} frames: {layout}, definition {definition}.")
+        tell(f"note: near the end of the drive, {fewer} of the targets have fewer later frames.")
+    frame_count = f"{len(numbers)} frame{'s' if len(numbers) != 1 else ''}"
+    show(f"{drive.name}, {frame_count}: {layout}, definition {definition}.")
     if count and first.label is not None:
         kept = "kept" if keep_moving else "left out; the tool keeps them, and so does --keep-moving"
         show(f"Moving things of later frames, by their labels: {kept}.")
