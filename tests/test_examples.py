@@ -10,6 +10,7 @@ EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"
 SAID = {
     "visible_returns": ("visible", "Occluded: "),
     "blind_spots": ("m away:", "could hide: car"),
+    "voxel_masks": ("occluded: ", "image_02 sees ", "<BevGrid: 300 x 300 cells of 0.2 m"),
     "stream": (
         "while scans arrive: <Sight: 5,000 lines",
         "with all of them:   <Sight: 5,000 lines",

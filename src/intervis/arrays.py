@@ -10,6 +10,7 @@ from intervis.errors import PointsError
 FloatArray = NDArray[np.floating[Any]]
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
+UInt8Array = NDArray[np.uint8]
 Int16Array = NDArray[np.int16]
 Int32Array = NDArray[np.int32]
 UInt32Array = NDArray[np.uint32]

@@ -18,6 +18,7 @@ COMMANDS = {
     "objects": "intervis.cli.objects",
     "blindspots": "intervis.cli.blind_spots",
     "view": "intervis.cli.view",
+    "masks": "intervis.cli.masks",
     "replay": "intervis.cli.replay",
     "warm": "intervis.cli.warm",
     "evaluate": "intervis.lab.cli.evaluate",

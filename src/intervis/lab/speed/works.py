@@ -9,6 +9,7 @@ from scipy.spatial import Delaunay
 
 from intervis.arrays import Float64Array, finite_rows
 from intervis.delaunay import triangulate
+from intervis.lab.speed.grid_works import grid_works
 from intervis.lab.speed.timing import Work
 from intervis.lab.truth.baselines import depth_buffer, triangulated
 from intervis.lab.truth.baselines.hidden_points import hidden_point_removal
@@ -84,6 +85,7 @@ def works_of(question: Question) -> Iterator[Work]:
     yield from _method(question.frame)
     yield from _preparations(question)
     yield from _sight_lines(question)
+    yield from grid_works(question.scans, question.poses)
 
 
 def _triangulations(scan: Float64Array) -> Iterator[Work]:

@@ -1,0 +1,228 @@
+"""``intervis masks``: visibility masks of each frame, in the layouts of the benchmarks."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from intervis.cli import options
+from intervis.cli.run import CameraName, Source
+from intervis.cli.terminal import progress, show, tell
+
+if TYPE_CHECKING:
+    from intervis.drives import Drive
+    from intervis.uses.drive_masks import MaskSettings
+    from intervis.uses.mask_layouts import FrameName, MaskLayout
+    from intervis.uses.masks import Masks
+    from intervis.uses.voxel_grid import VoxelGrid
+
+
+def masks(
+    source: Source,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the masks.")],
+    layout: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="semantickitti, sscbench-nuscenes, sscbench-kitti360, sscbench-waymo,"
+            " occ3d-nuscenes, surroundocc, openoccupancy, or npz.",
+        ),
+    ] = "semantickitti",
+    definition: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="exact; semantickitti: as its own tool makes them, needs labels; occ3d: as its"
+            " paper prints it.",
+        ),
+    ] = "exact",
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="Frames A to B - 1; default: all.")
+    ] = None,
+    stride: Annotated[int, typer.Option(metavar="N", help="Every N-th of these frames.")] = 1,
+    later: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", help="Frames added after each one; default: the benchmark's, 70 or 0."
+        ),
+    ] = None,
+    keep_moving: Annotated[
+        bool, typer.Option("--keep-moving", help="Keep labelled moving things of added frames.")
+    ] = False,
+    cameras: Annotated[
+        bool, typer.Option("--cameras/--no-cameras", help="Also masks of each camera.")
+    ] = True,
+    classes: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.json", help='Map of classes, as in {"10": 4, "40": 11}.'),
+    ] = None,
+    lidar_at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="Scanner in the vehicle's frame, metres, for occ3d-nuscenes; default: nuScenes'.",
+        ),
+    ] = None,
+    corner: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Smallest corner of the grid, for npz.")
+    ] = None,
+    cell: Annotated[
+        float | None, typer.Option(metavar="M", help="Edge of a voxel, for npz; metres.")
+    ] = None,
+    shape: Annotated[
+        str | None, typer.Option(metavar="I,J,K", help="Voxels along x, y and z, for npz.")
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png|FILE.svg", help="Draw slices of the first grid."),
+    ] = None,
+    camera: CameraName = None,
+) -> None:
+    """Write which voxels around each frame are occupied, occluded, invalid, and seen by whom."""
+    frame_range = options.frame_range(frames)
+    options.check_picture_file(picture)
+
+    from intervis.drives import open_drive
+    from intervis.run.stream import selected_frames
+    from intervis.uses.drive_masks import drive_cameras, frame_masks, later_frames
+    from intervis.uses.mask_folder import check_folder, claim_folder
+    from intervis.uses.mask_layouts import write_masks
+
+    chosen = _layout(layout, definition, (corner, cell, shape))
+    count = chosen.later if later is None else _whole("--later", later, 0)
+    every = _whole("--stride", stride, 1)
+    settings = _settings(chosen, definition, count, keep_moving, (lidar_at, classes))
+    drive = open_drive(source, camera=camera)
+    numbers = selected_frames(drive.frame_numbers, frame_range)[::every]
+    with_cameras = cameras and chosen.has_cameras and definition != "semantickitti"
+    posed = drive_cameras(source, drive) if with_cameras else {}
+    metadata = check_folder(out, drive, layout, settings)
+    scans = sum(1 + len(later_frames(drive, number, count)) for number in numbers)
+    first: Masks | None = None
+    with progress("scans", scans + len(numbers)) as advance:
+        for number in numbers:
+            made = frame_masks(drive, number, settings, posed, advance)
+            if first is None:
+                claim_folder(out, metadata)
+            write_masks(out, chosen, _name(drive, number), made)
+            first = first or made
+            advance(f"frame {number}")
+    assert first is not None
+    fewer = sum(len(later_frames(drive, number, count)) < count for number in numbers)
+    if fewer:
+        tell(f"note: near the end of the drive, {fewer} of the targets have fewer later frames.")
+    frame_count = f"{len(numbers)} frame{'s' if len(numbers) != 1 else ''}"
+    show(f"{drive.name}, {frame_count}: {layout}, definition {definition}.")
+    if count and first.label is not None:
+        kept = "kept" if keep_moving else "left out; the tool keeps them, and so does --keep-moving"
+        show(f"Moving things of later frames, by their labels: {kept}.")
+    show(_shares(numbers[0], first))
+    show(f"Masks: {out}")
+    if picture is not None:
+        from intervis.plots.style import save_figure
+        from intervis.uses.mask_figure import mask_picture
+
+        save_figure(mask_picture(first), picture, picture.suffix[1:].lower())
+        show(f"Picture: {picture}")
+
+
+def _whole(option: str, number: int, least: int) -> int:
+    from intervis.errors import SettingsError
+
+    if number < least:
+        raise SettingsError(f"{option} must be {least} or more, got {number}.")
+    return number
+
+
+def _layout(
+    name: str, definition: str, grid: tuple[str | None, float | None, str | None]
+) -> "MaskLayout":
+    """The layout of that name, with the grid of the options."""
+    from dataclasses import replace
+
+    from intervis.errors import SettingsError
+    from intervis.uses.mask_layouts import layout_named
+    from intervis.uses.masks import DEFINITIONS
+
+    layout = layout_named(name)
+    if definition not in DEFINITIONS:
+        raise SettingsError(
+            f"there is no definition {definition!r}; choose one of {', '.join(DEFINITIONS)}."
+        )
+    if definition not in layout.definitions:
+        raise SettingsError(
+            f"the layout {name} has no room for masks of the definition {definition}; choose"
+            f" {' or '.join(layout.definitions)}, or the layout npz."
+        )
+    if any(part is not None for part in grid):
+        if name != "npz":
+            raise SettingsError(f"the grid of {name} is fixed: choose the layout npz for another.")
+        return replace(layout, grid=_grid(layout.grid, *grid))
+    return layout
+
+
+def _grid(
+    default: "VoxelGrid", corner: str | None, cell: float | None, shape: str | None
+) -> "VoxelGrid":
+    from intervis.errors import SettingsError
+    from intervis.uses.voxel_grid import VoxelGrid
+
+    counts: list[int] | tuple[int, int, int] = default.shape
+    if shape is not None:
+        try:
+            counts = [int(part) for part in shape.split(",")]
+        except ValueError:
+            raise SettingsError(f"--shape must be three whole numbers, got {shape!r}.") from None
+    return VoxelGrid(
+        default.corner if corner is None else options.coordinates(corner, "--corner"),
+        default.cell_m if cell is None else cell,
+        counts,
+    )
+
+
+def _settings(
+    layout: "MaskLayout",
+    definition: str,
+    later: int,
+    keep_moving: bool,
+    given: tuple[str | None, Path | None],
+) -> "MaskSettings":
+    import numpy as np
+
+    from intervis.errors import SettingsError
+    from intervis.transform import rigid
+    from intervis.uses.drive_masks import MaskSettings, read_classes
+
+    lidar_at, classes = given
+    place = layout.lidar_in_ego_m or (0.0, 0.0, 0.0)
+    if lidar_at is not None:
+        if layout.lidar_in_ego_m is None:
+            raise SettingsError(f"--lidar-at has no use: the grid of {layout.name} is the LiDAR's.")
+        place = options.coordinates(lidar_at, "--lidar-at")
+    return MaskSettings(
+        layout.grid,
+        definition,
+        later,
+        keep_moving,
+        rigid(np.eye(3), place),
+        None if classes is None else read_classes(classes),
+    )
+
+
+def _name(drive: "Drive", number: int) -> "FrameName":
+    from intervis.uses.mask_layouts import FrameName
+
+    path = drive.scan_paths[number]
+    alone = sum(other == path for other in drive.scan_paths.values()) == 1
+    return FrameName(drive.name, number, path.name if alone else f"{number:06d}")
+
+
+def _shares(number: int, masks: "Masks") -> str:
+    import numpy as np
+
+    parts = [("occupied", masks.occupied), ("free", masks.free)]
+    parts += [("occluded", masks.occluded), ("invalid", masks.invalid)]
+    parts += [(f"seen by {name}", mask) for name, mask in masks.camera.items()]
+    shares = ", ".join(f"{100 * float(np.mean(mask)):.1f} % {name}" for name, mask in parts)
+    label = "" if masks.label is not None else "; no labels"
+    return f"Frame {number}: of {masks.grid.size:,} voxels {shares}{label}."

@@ -1,0 +1,93 @@
+"""What cameras see of a grid of voxels whose states are known."""
+
+from __future__ import annotations  # help() shows the names of the array types
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intervis.arrays import BoolArray, Float64Array, UInt8Array
+from intervis.camera import Camera
+from intervis.kernels import in_parts
+from intervis.sight import Scene
+from intervis.transform import inverse, transform
+from intervis.uses.kernels.ray_walk import mark_pixels
+from intervis.uses.voxel_grid import VoxelGrid
+
+NEAREST_M = 0.1
+"""Depth from which on a voxel's centre is in the image."""
+_LINES_PER_THREAD, _ROWS_PER_CALL = 4096, 64
+
+
+@dataclass(frozen=True, eq=False)
+class PosedCamera:
+    """A camera and its place.
+
+    Attributes
+    ----------
+    camera : Camera
+    cam_from_grid : (4, 4) float64 array
+        Rectified camera coordinates from those of the grid.
+    """
+
+    camera: Camera
+    cam_from_grid: Float64Array
+
+    @property
+    def centre(self) -> Float64Array:
+        """(3,) centre of projection in the frame of the grid, metres."""
+        return transform(inverse(self.cam_from_grid), self.camera.centre_cam)
+
+
+def in_image(posed: PosedCamera, points: Float64Array) -> BoolArray:
+    """Which points (N, 3), in the frame of the grid, lie in the image of a camera."""
+    image_from_grid = posed.camera.projection @ posed.cam_from_grid
+    u, v, depth = image_from_grid[:, :3] @ points.T + image_from_grid[:, 3:]
+    inside = (depth > NEAREST_M) & (u >= 0) & (v >= 0)
+    inside &= (u < posed.camera.width_px * depth) & (v < posed.camera.height_px * depth)
+    return np.asarray(inside)
+
+
+def seen_by_lines(
+    grid: VoxelGrid, observed: BoolArray, posed: PosedCamera, scene: Scene
+) -> BoolArray:
+    """Which observed voxels (I, J, K) a camera sees.
+
+    Their centres lie in the image, and the sight line from the camera to the centre is visible
+    (`intervis.Scene.sight`). A surface within 0.4 m of the centre does not occlude it.
+    """
+    index = np.argwhere(observed)
+    index = index[in_image(posed, grid.centre_of(index))]
+    visible = scene.sight(posed.centre, grid.centre_of(index)).visible
+    seen = np.zeros(grid.shape, np.bool_)
+    seen[tuple(index[visible].T)] = True
+    return seen
+
+
+def seen_by_pixels(grid: VoxelGrid, state: UInt8Array, posed: PosedCamera) -> UInt8Array:
+    """Which observed voxels (I, J, K) the rays of a camera's pixels meet, as Occ3D prints it.
+
+    One ray runs through the middle of each pixel, up to the first occupied voxel.
+    """
+    camera, origin = posed.camera, (posed.centre - grid.corner) / grid.cell_m
+    reach_m = np.linalg.norm(np.maximum(abs(posed.centre - grid.corner), abs(grid.upper)))
+    grid_from_pixel = _rays_of(posed) * (float(reach_m) + grid.cell_m * sum(grid.shape))
+    seen = np.zeros(grid.shape, np.uint8)
+    columns = np.arange(camera.width_px) + 0.5
+    for top in range(0, camera.height_px, _ROWS_PER_CALL):
+        rows = np.arange(top, min(top + _ROWS_PER_CALL, camera.height_px)) + 0.5
+        u, v = (side.ravel() for side in np.meshgrid(columns, rows))
+        along = np.column_stack([u, v, np.ones(len(u))]) @ grid_from_pixel.T
+        ends = origin + along / grid.cell_m
+
+        def work(begin: int, stop: int, ends: Float64Array = ends) -> None:
+            mark_pixels(origin, ends, state, seen, begin, stop)
+
+        in_parts(work, len(ends), least=_LINES_PER_THREAD)
+    return seen
+
+
+def _rays_of(posed: PosedCamera) -> Float64Array:
+    """(3, 3) matrix from homogeneous pixels to ahead-pointing rays of a depth of 1 m."""
+    projection, rotation = posed.camera.projection[:, :3], posed.cam_from_grid[:3, :3]
+    return np.asarray(np.linalg.inv(projection @ rotation))

@@ -1,0 +1,97 @@
+"""A grid of voxels: corner, cell and shape, indices and centres, and a bound on its size."""
+
+from __future__ import annotations  # help() shows the names of the array types
+
+from dataclasses import dataclass
+from numbers import Integral
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from intervis.arrays import BoolArray, Float64Array, FloatArray, IntArray, checked_point
+from intervis.errors import SettingsError
+from intervis.sight.query_checks import positive_length
+
+MOST_VOXELS = 40_000_000
+BYTES_PER_VOXEL = 24
+"""Memory that a voxel takes while a grid is carved."""
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelGrid:
+    """Cubes of space; voxel [i, j, k] reaches from corner + cell_m (i, j, k) to the next one.
+
+    Attributes
+    ----------
+    corner : (3,) float64 array
+        Smallest x, y and z, metres.
+    cell_m : float
+        Edge of a voxel.
+    shape : three ints
+        Voxels along x, y and z.
+
+    Raises
+    ------
+    SettingsError
+        A length is not positive, a count is not a whole positive number, or there are more than
+        `MOST_VOXELS` voxels.
+
+    Examples
+    --------
+    >>> grid = VoxelGrid([0.0, -25.6, -2.0], 0.2, (256, 256, 32))
+    >>> grid.index_of(np.array([[5.01, 0.0, -1.99], [-0.1, 0.0, 0.0]]))
+    (array([[ 25, 128,   0],
+           [ -1, 128,  10]]), array([ True, False]))
+    >>> grid.centre_of([25, 128, 0]).round(1)
+    array([ 5.1,  0.1, -1.9])
+    """
+
+    corner: Float64Array
+    cell_m: float
+    shape: tuple[int, int, int]
+
+    def __init__(self, corner: ArrayLike, cell_m: float, shape: ArrayLike) -> None:
+        object.__setattr__(self, "corner", checked_point(corner, "corner"))
+        object.__setattr__(self, "cell_m", positive_length("cell_m", cell_m))
+        counts = list(shape) if isinstance(shape, list | tuple | np.ndarray) else []
+        if len(counts) != 3 or not all(_is_count(count) for count in counts):
+            raise SettingsError(f"shape must be three whole numbers of 1 or more, got {shape!r}.")
+        object.__setattr__(self, "shape", tuple(int(count) for count in counts))
+        if self.size > MOST_VOXELS:
+            raise SettingsError(
+                f"{' x '.join(f'{count:,}' for count in self.shape)} voxels are"
+                f" {self.size:,}, which would take {self.size * BYTES_PER_VOXEL / 1e9:,.1f} GB; at"
+                f" most {MOST_VOXELS:,} are carved: choose larger voxels or a smaller space."
+            )
+
+    @property
+    def size(self) -> int:
+        """Number of voxels."""
+        i, j, k = self.shape
+        return i * j * k
+
+    @property
+    def upper(self) -> Float64Array:
+        """(3,) largest x, y and z, metres."""
+        return np.asarray(self.corner + self.cell_m * np.array(self.shape))
+
+    def index_of(self, points: FloatArray) -> tuple[IntArray, BoolArray]:
+        """Voxels (N, 3) of finite points (N, 3), and which of them lie in the grid."""
+        index = np.floor((np.asarray(points, np.float64) - self.corner) / self.cell_m)
+        inside = ((index >= 0) & (index < self.shape)).all(axis=1)
+        return np.clip(index, -1, max(self.shape)).astype(np.int64), np.asarray(inside)
+
+    def centre_of(self, index: ArrayLike) -> Float64Array:
+        """Centres (..., 3) of voxels (..., 3), metres."""
+        return np.asarray(self.corner + (np.asarray(index, np.float64) + 0.5) * self.cell_m)
+
+    def occupied_by(self, points: FloatArray) -> BoolArray:
+        """Voxels (I, J, K) that hold at least one of the finite points (N, 3)."""
+        index, inside = self.index_of(points)
+        occupied = np.zeros(self.shape, np.bool_)
+        occupied[tuple(index[inside].T)] = True
+        return occupied
+
+
+def _is_count(count: object) -> bool:
+    return not isinstance(count, bool) and isinstance(count, Integral) and int(count) >= 1

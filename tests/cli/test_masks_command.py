@@ -1,0 +1,233 @@
+"""`intervis masks`: files of a small labelled sequence and of real scans, and each mistake."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from intervis.cli import exit_code
+from intervis.drives import open_drive
+from intervis.uses.drive_masks import MaskSettings, frame_masks, on_own_car, read_classes
+from intervis.uses.voxel_grid import VoxelGrid
+
+SMALL = ["--layout", "npz", "--corner", "0,-4,-2", "--cell", "0.5", "--shape", "24,16,8"]
+
+
+def ring(x_shift_m: float) -> np.ndarray:
+    """Ground around a scanner and a wall 12 m ahead of the first one."""
+    azimuth, elevation = np.meshgrid(
+        np.radians(np.arange(0, 360, 0.8)), np.radians(np.arange(-24, 4, 0.8))
+    )
+    rays = np.stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation)], axis=-1).reshape(-1, 3)
+    ground = np.where(rays[:, 2] < -1e-3, -1.7 / np.minimum(rays[:, 2], -1e-3), 1e6)
+    wall = np.where(rays[:, 0] > 1e-3, (12.2 - x_shift_m) / np.maximum(rays[:, 0], 1e-3), 1e6)
+    range_m = np.minimum(ground, wall)
+    kept = range_m < 60
+    return (rays[kept] * range_m[kept, None]).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory) -> Path:
+    """Three labelled scans, 1 m apart, in SemanticKITTI's layout; the camera axes are KITTI's."""
+    root = tmp_path_factory.mktemp("kitti") / "sequences" / "00"
+    (root / "velodyne").mkdir(parents=True)
+    (root / "labels").mkdir()
+    (root / "calib.txt").write_text(
+        "P2: 700 0 600 0 0 700 180 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n"
+    )
+    (root / "times.txt").write_text("0\n0.1\n0.2\n")
+    lines = [f"1 0 0 0 0 1 0 0 0 0 1 {float(n)}" for n in range(3)]  # z ahead of camera 0
+    (root / "poses.txt").write_text("\n".join(lines) + "\n")
+    for number in range(3):
+        points = ring(float(number))
+        rows = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
+        rows.tofile(root / "velodyne" / f"{number:06d}.bin")
+        labels = np.where(points[:, 2] < -1.6, 40, 50).astype(np.uint32) | (7 << 16)
+        labels.tofile(root / "labels" / f"{number:06d}.label")
+    return root
+
+
+def test_a_labelled_sequence_in_semantickitti_layout(sequence, tmp_path, capsys) -> None:
+    out = tmp_path / "masks"
+    command = ["masks", str(sequence), "--out", str(out), "--definition", "semantickitti"]
+    assert exit_code([*command, "--frames", "0", "--later", "2"]) == 0
+    said = capsys.readouterr()
+    assert "1 frame: semantickitti, definition semantickitti." in said.out
+    assert "no labels" not in said.out
+    assert "Moving things of later frames, by their labels: left out" in said.out
+    assert not said.err
+    files = {path.name: path.stat().st_size for path in (out / "voxels").iterdir()}
+    assert files == {
+        "000000.bin": 262_144,
+        "000000.occluded": 262_144,
+        "000000.invalid": 262_144,
+        "000000.label": 4_194_304,
+    }
+    label = np.fromfile(out / "voxels" / "000000.label", "<u2").reshape(256, 256, 32)
+    assert set(np.unique(label)) == {0, 40, 50}
+    # The road lies 1.7 m below the scanner, the wall 12.2 m ahead.
+    assert set(np.argwhere(label == 40)[:, 2]) == {1}
+    assert set(np.argwhere(label == 50)[:, 0]) <= {60, 61}  # on the border of two voxels
+    metadata = json.loads((out / "masks.json").read_text())
+    assert (metadata["layout"], metadata["later"]) == ("semantickitti", 2)
+
+
+def test_more_frames_go_into_the_same_folder(sequence, tmp_path, capsys) -> None:
+    command = ["masks", str(sequence), "--out", str(tmp_path / "m"), *SMALL, "--no-cameras"]
+    assert exit_code([*command, "--frames", "0"]) == 0
+    assert exit_code([*command, "--frames", "1:3", "--stride", "2"]) == 0
+    names = sorted(path.name for path in (tmp_path / "m").iterdir())
+    assert names == ["000000.npz", "000001.npz", "masks.json"]
+    assert exit_code([*command, "--definition", "occ3d"]) == 2
+    assert "holds masks of another drive, layout, definition or grid" in capsys.readouterr().err
+
+
+def test_the_command_writes_what_the_library_makes(sequence, tmp_path) -> None:
+    command = ["masks", str(sequence), "--out", str(tmp_path / "m"), *SMALL, "--frames", "0"]
+    assert exit_code([*command, "--later", "2", "--picture", str(tmp_path / "m.png")]) == 0
+    drive = open_drive(sequence)
+    settings = MaskSettings(VoxelGrid([0, -4, -2], 0.5, (24, 16, 8)), later=2)
+    masks = frame_masks(drive, 0, settings)
+    with np.load(tmp_path / "m" / "000000.npz", allow_pickle=False) as arrays:
+        np.testing.assert_array_equal(arrays["state"], masks.state)
+        np.testing.assert_array_equal(arrays["label"], masks.label)
+        assert arrays[
+            "mask_camera_image_2" if "mask_camera_image_2" in arrays else "mask_camera"
+        ].any()
+    assert (tmp_path / "m.png").stat().st_size > 10_000
+
+
+def test_classes_are_mapped(sequence, tmp_path) -> None:
+    (tmp_path / "c.json").write_text('{"40": 9, "50": 13}')
+    out = tmp_path / "m"
+    command = ["masks", str(sequence), "--out", str(out), "--layout", "occ3d-nuscenes"]
+    command += ["--lidar-at", "0,0,1.7", "--frames", "0", "--classes", str(tmp_path / "c.json")]
+    assert exit_code([*command, "--no-cameras"]) == 0
+    with np.load(out / "gts" / "00" / "000000" / "labels.npz", allow_pickle=False) as arrays:
+        semantics, lidar = arrays["semantics"], arrays["mask_lidar"]
+    assert set(np.unique(semantics)) <= {0, 9, 13, 17}
+    # The vehicle's frame stands on the road: 10 m ahead, between -0.2 and 0.2 m.
+    assert semantics[125, 100, 2] == 9
+    assert lidar[125, 100, 2] == 1
+    assert semantics[130, 104, 5] == 13  # the wall
+
+
+def test_the_own_vehicle_is_left_out() -> None:
+    points = np.array([[1, 0, -1], [1, 1.3, -1], [1, 0, 0.5], [4, 0, -1], [np.nan, 0, 0]])
+    assert on_own_car(points).tolist() == [True, False, False, False, False]
+
+
+MISTAKES = [
+    (["--layout", "kitti"], "there is no layout 'kitti'; choose one of semantickitti"),
+    (["--definition", "kitti"], "there is no definition 'kitti'; choose one of exact"),
+    (["--layout", "occ3d-nuscenes", "--definition", "semantickitti"], "has no room for masks"),
+    (["--cell", "0.1"], "the grid of semantickitti is fixed"),
+    (["--layout", "npz", "--shape", "9000,9000,9"], "would take 17.5 GB"),
+    (["--layout", "npz", "--shape", "a,b"], "--shape must be three whole numbers"),
+    (["--layout", "npz", "--cell", "-1"], "cell_m must be a positive length"),
+    (["--later", "-1"], "--later must be 0 or more"),
+    (["--stride", "0"], "--stride must be 1 or more"),
+    (["--lidar-at", "0,0,0"], "--lidar-at has no use"),
+    (["--frames", "9"], "no frame lies in the range"),
+    (["--classes", "{folder}/none.json"], "cannot read the classes"),
+    (["--picture", "a.gif"], "a picture must be named .png or .svg"),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), MISTAKES, ids=[m for _, m in MISTAKES])
+def test_a_mistake_is_one_line_and_writes_nothing(
+    sequence, tmp_path, capsys, options, message
+) -> None:
+    out = tmp_path / "m"
+    options = [option.format(folder=tmp_path) for option in options]
+    assert exit_code(["masks", str(sequence), "--out", str(out), *options]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_drive_without_labels_or_poses(tmp_path, capsys) -> None:
+    for number in range(2):
+        np.save(tmp_path / f"{number:06d}.npy", ring(0.0))
+    command = ["masks", str(tmp_path), "--out", str(tmp_path / "m")]
+    assert exit_code([*command, "--definition", "semantickitti", "--later", "0"]) == 2
+    assert "needs labels of points for every scan" in capsys.readouterr().err
+    assert exit_code(command) == 2
+    assert "frame 0 has none: add poses to the drive, or give --later 0." in capsys.readouterr().err
+    assert not (tmp_path / "m").exists()
+
+
+def test_a_folder_with_other_files_is_refused(sequence, tmp_path, capsys) -> None:
+    (tmp_path / "photo.jpg").write_text("mine")
+    command = ["masks", str(sequence), *SMALL, "--frames", "0", "--out"]
+    assert exit_code([*command, str(tmp_path)]) == 2
+    assert "holds files of something else" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["photo.jpg"]
+    assert exit_code([*command, str(tmp_path / "photo.jpg")]) == 2
+    assert "is a file: give the path of a folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "text", ["[]", "{", '{"a": 1}', '{"1": 70000}', '{"1": "x"}', '{"1": null}']
+)
+def test_a_map_of_classes_that_is_none(tmp_path, text) -> None:
+    (tmp_path / "c.json").write_text(text)
+    with pytest.raises(Exception, match="must be a JSON object of whole numbers"):
+        read_classes(tmp_path / "c.json")
+
+
+@pytest.mark.realdata
+def test_a_real_scan_of_semantickitti(shared_data, tmp_path, capsys) -> None:
+    source = shared_data / "semantickitti" / "000000.bin"
+    for definition in ("semantickitti", "exact"):
+        out = tmp_path / definition
+        command = ["masks", str(source), "--out", str(out), "--definition", definition]
+        assert exit_code([*command, "--later", "0"]) == 0
+    capsys.readouterr()
+    tool, exact = (
+        {
+            end: np.unpackbits(np.fromfile(tmp_path / name / "voxels" / f"000000.{end}", np.uint8))
+            for end in ("bin", "occluded", "invalid")
+        }
+        for name in ("semantickitti", "exact")
+    )
+    frame = open_drive(source)[0]
+    points, labels = frame.points, frame.point_classes
+    index = np.floor((points - np.array([0, -25.6, -2], np.float32)) / np.float32(0.2)).astype(int)
+    inside = ((index >= 0) & (index < [256, 256, 32])).all(axis=1) & (labels > 0)
+    inside &= np.linalg.norm(points, axis=1) > 3.7  # beyond the car that the tool leaves out
+    flat = np.ravel_multi_index(tuple(index[inside].T), (256, 256, 32))
+    assert tool["bin"][flat].mean() > 0.999
+    assert exact["bin"][flat].mean() > 0.999
+    # Where the tool sees a voxel blocked, exact knows a surface before it, or nothing at all.
+    assert (
+        np.mean(exact["occluded"][tool["invalid"] > 0] | exact["invalid"][tool["invalid"] > 0])
+        > 0.9
+    )
+    assert exact["invalid"].mean() > 2 * tool["invalid"].mean()  # the sky is nobody's
+
+
+@pytest.mark.realdata
+def test_a_real_drive_without_labels(shared_data, tmp_path, capsys) -> None:
+    out = tmp_path / "m"
+    command = ["masks", str(shared_data / "kitti_raw"), "--out", str(out), "--frames", "0"]
+    assert exit_code([*command, "--layout", "occ3d-nuscenes", "--lidar-at", "0,0,1.73"]) == 0
+    assert "seen by image_02" in capsys.readouterr().out
+    (path,) = out.glob("gts/*/*/labels.npz")
+    drive = open_drive(shared_data / "kitti_raw")
+    with np.load(path, allow_pickle=False) as arrays:
+        camera, lidar = arrays["mask_camera"], arrays["mask_lidar"]
+        assert (camera <= lidar).all()
+        assert camera.any()
+        index = np.argwhere(camera)
+    centres = (index + 0.5) * 0.4 + [-40, -40, -1] - [0, 0, 1.73]
+    frame = drive[0]
+    u, _, depth = (
+        frame.camera.projection @ frame.cam_from_velo @ np.c_[centres, np.ones(len(centres))].T
+    )
+    margin_px = 60  # four cameras stand up to half a metre apart
+    far = depth > 8.0
+    column = u[far] / depth[far]
+    assert ((column > -margin_px) & (column < 1242 + margin_px)).all()
