@@ -1,0 +1,177 @@
+"""A survey: the scans of a drive in one scene, in the frame of its poses, and the road below."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from intervis.arrays import Float64Array, finite_rows
+from intervis.drives import Drive
+from intervis.errors import DriveError, SceneError, SettingsError
+from intervis.progress import Progress, silent
+from intervis.sight import Scene
+from intervis.transform import transform
+from intervis.uses.road_surface import RoadSurface
+from intervis.uses.route import Route
+from intervis.uses.route_file import frame_times_s
+
+MOST_BYTES = 2 << 30
+"""Memory for scans, unless the caller says otherwise."""
+FARTHEST_M = 30.0
+"""A place of a route that is farther from every scanner has left the survey."""
+LEAST_ROAD = 0.3
+"""A route whose road was seen along a smaller share has no road surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """The scans of a drive.
+
+    Attributes
+    ----------
+    scene : Scene
+        In the frame of the drive's poses. Its times are seconds after the drive's first frame.
+    frames : tuple of int
+        Numbers of the frames in the scene.
+    road : RoadSurface
+        Of the route that the survey was made for.
+    """
+
+    scene: Scene
+    frames: tuple[int, ...]
+    road: RoadSurface
+
+    @property
+    def has_times(self) -> bool:
+        """Whether every scan has a time."""
+        return not bool(np.isnan(self.scene.timestamps_s).any())
+
+
+def survey_of(
+    drive: Drive,
+    route: Route,
+    *,
+    numbers: Sequence[int] | None = None,
+    spacing_m: float = 0.0,
+    scans_per_s: float | None = None,
+    max_bytes: int = MOST_BYTES,
+    progress: Progress | None = None,
+) -> Survey:
+    """Read the scans of a drive into one scene.
+
+    Parameters
+    ----------
+    drive : Drive
+        With poses.
+    route : Route
+        Whose road surface is collected.
+    numbers : sequence of int or None
+        Frames to read; None: all.
+    spacing_m : float
+        Scans that follow the one before at a smaller distance are left out.
+    scans_per_s : float or None
+        Gives times to a drive that has none.
+    max_bytes : int
+        Memory for scans. It is checked before a second scan is read.
+    progress : Progress or None
+
+    Raises
+    ------
+    DriveError
+        A frame has no pose, or cannot be read.
+    SceneError
+        The scans need more memory.
+    SettingsError
+        The spacing is negative.
+    """
+    chosen = _spaced(drive, list(drive.frame_numbers if numbers is None else numbers), spacing_m)
+    time_s = frame_times_s(drive, chosen, scans_per_s)
+    scene, road = Scene(max_scans=len(chosen), max_bytes=max_bytes), RoadSurface(route)
+    report = progress or silent
+    for nth, number in enumerate(chosen):
+        frame = drive[number]
+        assert frame.pose is not None  # as _spaced has checked
+        scene.add(frame.points, frame.pose, None if time_s is None else float(time_s[nth]))
+        if nth == 0:
+            _check_memory(scene.bytes * len(chosen), len(chosen), max_bytes)
+        points = transform(frame.pose, frame.points[finite_rows(frame.points), :3])
+        road.add(points, frame.pose[:3, 3])
+        report(f"frame {number}")
+    return Survey(scene, tuple(chosen), road)
+
+
+def _spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
+    """Numbers of the frames that lie a distance apart along the drive."""
+    if not (math.isfinite(spacing_m) and spacing_m >= 0.0):
+        raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m}.")
+    poses = drive.poses or {}
+    kept: list[int] = []
+    for number in numbers:
+        if number not in poses:
+            raise DriveError(f"frame {number} of {drive.name} has no pose: leave it out.")
+        place = poses[number][:3, 3]
+        if not kept or np.linalg.norm(place - poses[kept[-1]][:3, 3]) >= spacing_m:
+            kept.append(number)
+    return kept
+
+
+def _check_memory(needed: int, scans: int, most: int) -> None:
+    if needed > most:
+        raise SceneError(
+            f"{scans:,} scans need some {needed / 1e9:.1f} GB, and {most / 1e9:.1f} GB are allowed:"
+            " take fewer scans, at a greater spacing, or allow more memory."
+        )
+
+
+def check_route_in_survey(survey: Survey, route: Route) -> None:
+    """Raise where a route leaves the space around the scans.
+
+    Raises
+    ------
+    SceneError
+        A place is farther than `FARTHEST_M` from every scan; the message names the first.
+    """
+    chainage_m = np.append(route.stations(1.0), route.length_m)
+    distance_m = distance_to_scans(survey.scene, route.at(chainage_m))
+    if (distance_m > FARTHEST_M).any():
+        first = int(np.argmax(distance_m > FARTHEST_M))
+        raise SceneError(
+            f"the route leaves the scans at chainage {chainage_m[first]:.0f} m, where the nearest"
+            f" scan is {distance_m[first]:.0f} m away: cut the route, or add scans from there."
+        )
+
+
+def distance_to_scans(scene: Scene, points: Float64Array) -> Float64Array:
+    """Horizontal distance (M,) of points (M, 3) to the nearest place of a scanner, metres."""
+    distance_m, _ = cKDTree(scene.poses[:, :2, 3]).query(points[:, :2])
+    return np.asarray(distance_m)
+
+
+def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -> Route:
+    """The route on the road surface.
+
+    Parameters
+    ----------
+    survey : Survey
+        Made for this route.
+    route : Route
+        With the places of its file or scanner.
+    height_m : float or None
+        Height of these places above the road. None: the road is where the scans show it.
+
+    Raises
+    ------
+    SceneError
+        The scans show the road along less than 30 % of the route.
+    """
+    if height_m is not None:
+        return route.with_heights(route.points[:, 2] - height_m)
+    if survey.road.known_share < LEAST_ROAD:
+        raise SceneError(
+            f"the scans show the road along {100 * survey.road.known_share:.0f} % of the route"
+            " only: give the height of its places above the road."
+        )
+    fine = route.refined(1.0)
+    return fine.with_heights(survey.road.heights(fine.chainage_m))
