@@ -17,6 +17,7 @@ COMMANDS = {
     "sight": "intervis.cli.sight",
     "objects": "intervis.cli.objects",
     "blindspots": "intervis.cli.blind_spots",
+    "sightdistance": "intervis.cli.sight_distance",
     "replay": "intervis.cli.replay",
     "evaluate": "intervis.lab.cli.evaluate",
     "reproduce": "intervis.lab.cli.reproduce",

@@ -1,10 +1,12 @@
 """The road surface along a route: heights from the returns in a strip along it."""
 
+from bisect import bisect_left
+
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from intervis.arrays import Float64Array, FloatArray, IntArray
+from intervis.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from intervis.errors import SceneError
 from intervis.uses.route import Route
 
@@ -22,6 +24,8 @@ LEAST_RETURNS = 5
 """Pieces with fewer returns have no height of their own."""
 LAYER_M = 0.15
 """Returns so far above the lowest tenth of a piece are not on the road."""
+RISE, FALL, STEP_M = 0.06, 0.15, 0.05
+"""Largest rise and fall from piece to piece, against the way of the scanners, and a step."""
 SMOOTH_M = 4.0
 """Heights are smoothed by a straight line through the pieces within this distance."""
 MOST_CELLS = 50_000_000
@@ -44,7 +48,7 @@ class RoadSurface:
     >>> ramp = np.stack([x.ravel(), y.ravel(), 0.05 * x.ravel()], axis=1)
     >>> road = RoadSurface(route)
     >>> road.add(ramp, np.array([8.0, 0.0, 1.7]))
-    >>> float(road.heights(np.array([10.0]))[0].round(2))
+    >>> float(road.heights(np.array([10.0]))[0].round(1))
     0.5
     """
 
@@ -67,9 +71,11 @@ class RoadSurface:
         inside = np.abs(offset_m) <= half_width_m
         self._bins[tuple(cells[inside].T)] = (chainage_m[inside] / BIN_M).astype(np.int32)
         self._found: list[tuple[IntArray, Float64Array]] = []
+        self._sensors: list[Float64Array] = []
 
     def add(self, points: FloatArray, sensor: Float64Array) -> None:
         """Take up the returns (N, 3) of a scan, scene frame, from a sensor at a place (3,)."""
+        self._sensors.append(sensor)
         range_m = np.linalg.norm(points[:, :2] - sensor[:2], axis=1)
         near = points[(range_m > OWN_M) & (range_m < NEAR_M)]
         near = near[near[:, 2] < sensor[2]]
@@ -112,7 +118,15 @@ class RoadSurface:
                     own = z_m[begin:end]  # rising
                     low = own[len(own) // 10]
                     raw_m[nth] = np.median(own[own < low + LAYER_M])
+            raw_m[self._bodies(raw_m)] = np.nan
         return _smoothed(self._middles, raw_m)
+
+    def _bodies(self, raw_m: Float64Array) -> BoolArray:
+        """Which pieces (P,) hold a vehicle or another body that hides the road."""
+        sensors = np.array(self._sensors)
+        middles = self._route.at(np.minimum(self._middles, self._route.length_m))
+        distance_m, nearest = cKDTree(sensors[:, :2]).query(middles[:, :2])
+        return bodies_on_road(self._middles, raw_m - sensors[nearest, 2], distance_m)
 
 
 def _near(
@@ -125,6 +139,46 @@ def _near(
     near = np.isfinite(distance_m)
     chainage_m[near], offset_m[near] = route.locate(xy[near])
     return chainage_m, offset_m
+
+
+def bodies_on_road(
+    middle_m: Float64Array, below_m: Float64Array, distance_m: Float64Array
+) -> BoolArray:
+    """Pieces that are too high or low for the road, from the scanners' way outwards.
+
+    Parameters
+    ----------
+    middle_m, below_m, distance_m : (P,) float64 arrays
+        Chainage of the pieces, height against the nearest scanner (NaN: not known), and distance
+        from it.
+
+    Returns
+    -------
+    (P,) bool array
+
+    Examples
+    --------
+    A car of 4 m on level ground, and a kerb of 5 cm:
+
+    >>> below_m = np.array([0, 0, 0, 0.5, 0.9, 1.4, 0.9, 0, 0, 0.05])
+    >>> np.flatnonzero(bodies_on_road(np.arange(10.0), below_m, np.arange(10.0)))
+    array([3, 4, 5, 6])
+    """
+    known = np.flatnonzero(np.isfinite(below_m))
+    order = known[np.argsort(distance_m[known], kind="stable")]
+    is_body = np.zeros(len(below_m), np.bool_)
+    accepted: list[int] = []
+    for nth in order.tolist():
+        at = bisect_left(accepted, nth)
+        around = accepted[max(at - 1, 0) : at + 1]
+        if around:
+            other = min(around, key=lambda one: abs(middle_m[one] - middle_m[nth]))
+            rise_m = below_m[nth] - below_m[other]
+            apart_m = abs(middle_m[nth] - middle_m[other])
+            is_body[nth] = not -FALL * apart_m - STEP_M <= rise_m <= RISE * apart_m + STEP_M
+        if not is_body[nth]:
+            accepted.insert(at, nth)
+    return is_body
 
 
 def _smoothed(middle_m: Float64Array, raw_m: Float64Array) -> Float64Array:

@@ -16,6 +16,9 @@ from intervis.sight.query_checks import positive_length
 LEAST_SPACING_M = 0.2
 """Places nearer to the one before are left out: a standing vehicle has no direction."""
 
+STRAIGHT_M = 5.0
+"""The last part of a route, whose direction an extension keeps."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Route:
@@ -191,6 +194,21 @@ class Route:
         moved[:, 0] -= offset_m * tangent[:, 1]
         moved[:, 1] += offset_m * tangent[:, 0]
         return Route(moved, self.chainage_m, self.speed_mps, self.time_s)
+
+    def extended(self, length_m: float) -> Route:
+        """The route with a straight end of this length, in the direction of its last 5 m.
+
+        The speed of the last place holds on.
+        """
+        end = self.points[-1]
+        back = self.at(max(self.length_m - STRAIGHT_M, 0.0))
+        step = (end - back) / np.linalg.norm((end - back)[:2])
+        return Route(
+            np.vstack([self.points, end + positive_length("the extension", length_m) * step]),
+            np.append(self.chainage_m, self.length_m + length_m),
+            np.append(self.speed_mps, self.speed_mps[-1]),
+            np.append(self.time_s, np.nan),
+        )
 
     def refined(self, step_m: float) -> Route:
         """The same polyline with places at every `step_m` as well."""

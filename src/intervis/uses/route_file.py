@@ -57,14 +57,19 @@ def frame_times_s(
     return np.array([(number - first) / scans_per_s for number in numbers])
 
 
-def read_route(path: Path) -> Route:
+def drive_start_s(drive: Drive) -> float:
+    """Time of the drive's first scan on its own clock, seconds; 0 without times."""
+    return 1e-9 * min(drive.timestamps_ns.values(), default=0)
+
+
+def read_route(path: Path, start_s: float = 0.0) -> Route:
     """Read a route; the first line tells the format.
 
     - KITTI: 12 or 16 numbers a line, a pose each. Only the places are used.
     - TUM: 8 numbers a line, time in seconds, place, quaternion.
     - CSV: a heading with ``x`` and ``y``, and any of ``z``, ``speed_kmh`` and ``time_s``.
 
-    Places are in the scene's frame, metres.
+    Places are in the scene's frame, metres; `start_s` is subtracted from the times.
 
     Raises
     ------
@@ -80,10 +85,10 @@ def read_route(path: Path) -> Route:
     first = next((line for line in read_lines(path) if _has_values(line)), "")
     try:
         if "," in first:
-            return _read_way_points(path)
+            return _read_way_points(path, start_s)
         if len(first.split()) == TUM_NUMBERS:
             rows = _read_rows(path)
-            return Route.through(rows[:, 1:4], time_s=rows[:, 0])
+            return Route.through(rows[:, 1:4], time_s=rows[:, 0] - start_s)
         return Route.through(np.array([pose[:3, 3] for pose in read_poses(path)]).reshape(-1, 3))
     except PointsError as error:
         raise PointsError(f"{path}: {error}") from None
@@ -106,7 +111,7 @@ def _read_rows(path: Path) -> Float64Array:
     return np.array(rows)
 
 
-def _read_way_points(path: Path) -> Route:
+def _read_way_points(path: Path, start_s: float) -> Route:
     lines = [line for line in read_lines(path) if _has_values(line)]
     heading, *rows = csv.reader(lines, skipinitialspace=True)
     names = [name.strip().lower() for name in heading]
@@ -117,11 +122,11 @@ def _read_way_points(path: Path) -> Route:
         )
     columns = _columns(path, names, rows)
     places = np.column_stack([columns["x"], columns["y"], columns.get("z", 0.0 * columns["x"])])
-    speed_kmh = columns.get("speed_kmh")
+    speed_kmh, time_s = columns.get("speed_kmh"), columns.get("time_s")
     return Route.through(
         places,
         speed_mps=None if speed_kmh is None else speed_kmh / KMH_PER_MPS,
-        time_s=columns.get("time_s"),
+        time_s=None if time_s is None else time_s - start_s,
     )
 
 

@@ -93,9 +93,14 @@ class SightDistances:
 
     @property
     def verdict(self) -> NDArray[np.str_]:
-        """(S,) ``sufficient``, ``deficient``, or ``undecided`` where unknown lines decide."""
-        enough = self.seen_m >= self.required_m - self._step_m
-        short = self.is_bounded & (self.possible_m < self.required_m - self._step_m)
+        """(S,) what is true of the objects up to the required distance.
+
+        ``sufficient``: all are visible. ``deficient``: one is occluded. ``undecided``: neither, as
+        one is unknown or the path ends before.
+        """
+        tested_m = self.distance_m[-1] + self.step_m
+        enough = np.minimum(self._first_m(self.state != VISIBLE), tested_m) > self.required_m
+        short = self._first_m(self.state == OCCLUDED) <= self.required_m
         return np.select([enough, short], [SUFFICIENT, DEFICIENT], UNDECIDED)
 
     @property
@@ -128,7 +133,8 @@ class SightDistances:
         return np.where(np.isfinite(first_m)[:, None], blocker, np.nan)
 
     @property
-    def _step_m(self) -> float:
+    def step_m(self) -> float:
+        """Distance of neighbouring objects: the resolution of the sight distances."""
         return float(self.distance_m[1] - self.distance_m[0]) if len(self.distance_m) > 1 else 0.0
 
     @property
@@ -151,7 +157,7 @@ class SightDistances:
         for nth, row in enumerate(ends):
             for begin, end in runs_of(row):
                 last = end == len(row) or self.state[nth, end] == NO_TARGET
-                if last or (end - begin) * self._step_m >= self.ignore_m:
+                if last or (end - begin) * self.step_m >= self.ignore_m:
                     found[nth] = self.distance_m[begin]
                     break
         return found

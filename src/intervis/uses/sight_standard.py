@@ -44,7 +44,7 @@ class SightStandard:
     Examples
     --------
     >>> round(float(AASHTO.stopping_m(100 / 3.6)), 1)
-    184.2
+    182.9
     """
 
     name: str

@@ -19,10 +19,13 @@ from intervis.uses.route_file import frame_times_s
 
 MOST_BYTES = 2 << 30
 """Memory for scans, unless the caller says otherwise."""
-FARTHEST_M = 30.0
+FARTHEST_M = 60.0
 """A place of a route that is farther from every scanner has left the survey."""
 LEAST_ROAD = 0.3
 """A route whose road was seen along a smaller share has no road surface."""
+
+MOMENTS, NEAR_SCANS_M = 8, 100.0
+"""Query times of a station, and how near the scans are whose times they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,3 +178,30 @@ def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -
         )
     fine = route.refined(1.0)
     return fine.with_heights(survey.road.heights(fine.chainage_m))
+
+
+def moments_of_poses(survey: Survey, road: Route, chainage_m: Float64Array) -> Float64Array:
+    """Times (S, 1) at which the route passes chainages.
+
+    Raises
+    ------
+    SettingsError
+        The route has no time there.
+    """
+    times_s = road.time_at(chainage_m)
+    if not np.isfinite(times_s).all():
+        first = float(chainage_m[~np.isfinite(times_s)][0])
+        raise SettingsError(f"the route has no time at chainage {first:.0f} m.")
+    return times_s[:, None]
+
+
+def moments_near(survey: Survey, road: Route, chainage_m: Float64Array) -> Float64Array:
+    """Times (S, `MOMENTS`) of scans that were taken near stations, evenly over all of them."""
+    scans_s, places = survey.scene.timestamps_s, survey.scene.poses[:, :2, 3]
+    stations = road.at(chainage_m)[:, :2]
+    moments = np.empty((len(stations), MOMENTS))
+    for nth, station in enumerate(stations):
+        distance_m = np.linalg.norm(places - station, axis=1)
+        near_s = scans_s[distance_m <= max(NEAR_SCANS_M, float(distance_m.min()))]
+        moments[nth] = near_s[np.linspace(0, len(near_s) - 1, MOMENTS).round().astype(np.int64)]
+    return moments

@@ -1,0 +1,189 @@
+"""Pictures of sight distances: chart over chainage, states of all objects, and plan."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from intervis.arrays import BoolArray, Float64Array
+from intervis.plots.style import (
+    FAINT,
+    INK,
+    INTERVISIBLE,
+    NODE,
+    REGION,
+    dots,
+    page_figure,
+)
+from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
+from intervis.uses.sight_distance import (
+    DEFICIENT,
+    NO_TARGET,
+    SUFFICIENT,
+    UNDECIDED,
+    SightDistances,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOURS = {SUFFICIENT: INTERVISIBLE, DEFICIENT: NODE, UNDECIDED: REGION}
+STATES = (
+    (NO_TARGET, "beyond the path", "white"),
+    (UNKNOWN, "unknown", FAINT),
+    (OCCLUDED, "hidden", NODE),
+    (VISIBLE, "visible", INTERVISIBLE),
+)
+BESIDE_M = 25.0
+"""Returns up to this distance beside the path are drawn in the plan."""
+LIMITS_OF_PLAN = (0.16, 0.9)
+"""Least and largest ratio of height and width of the plan."""
+
+
+def sight_distance_picture(found: SightDistances, returns: Float64Array) -> "Figure":
+    """Plan with verdicts and blockers; available and required distance; state of every object.
+
+    Parameters
+    ----------
+    found : SightDistances
+    returns : (N, 3) float64 array
+        Returns to draw in the plan, scene frame.
+
+    Raises
+    ------
+    MissingExtraError
+        matplotlib (extra ``plots``) is not installed.
+    """
+    frame = _plan_frame(found)
+    plan_in = 6.4 * float(np.ptp(frame[:, 1]) / np.ptp(frame[:, 0]))
+    ratios = [plan_in, 2.1, 2.1]
+    with page_figure(sum(ratios) + 1.2, nrows=3, height_ratios=ratios) as (figure, axes):
+        _draw_plan(axes[0], found, returns, frame)
+        _draw_chart(axes[1], found)
+        _draw_states(axes[2], found)
+        axes[2].sharex(axes[1])
+        return figure
+
+
+def _plan_frame(found: SightDistances) -> Float64Array:
+    """(2, 2) corners of the plan, in the path's main directions: see `_turned`."""
+    along = _turned(found, found.road.points[:, :2])
+    low, high = along.min(axis=0) - 8.0, along.max(axis=0) + 8.0
+    least, most = LIMITS_OF_PLAN
+    wide, tall = high - low
+    missing = np.array([max(tall / most - wide, 0.0), max(least * wide - tall, 0.0)]) / 2
+    return np.stack([low - missing, high + missing])
+
+
+def _turned(found: SightDistances, xy: Float64Array) -> Float64Array:
+    """Points (N, 2) turned so that the line from the first to the last place is level."""
+    first, last = found.road.points[[0, -1], :2]
+    ahead = (last - first) / max(float(np.linalg.norm(last - first)), 1e-9)
+    return np.column_stack([(xy - first) @ ahead, (xy - first) @ [-ahead[1], ahead[0]]])
+
+
+def _draw_plan(
+    axes: Any, found: SightDistances, returns: Float64Array, frame: Float64Array
+) -> None:
+    shown = _turned(found, returns[:, :2])
+    road_m = np.interp(shown[:, 0], *_level_profile(found))
+    above = returns[:, 2] - road_m > 0.3
+    inside = ((shown > frame[0]) & (shown < frame[1])).all(axis=1) & above
+    dots(axes, shown[inside], s=0.25, color=FAINT, rasterized=True)
+    path = _turned(found, found.road.points[:, :2])
+    axes.plot(path[:, 0], path[:, 1], color=INK, linewidth=0.6)
+    places = _turned(found, found.road.at(found.chainage_m)[:, :2])
+    verdict = found.verdict
+    for word, colour in COLOURS.items():
+        chosen = verdict == word
+        label = f"{word}, {int(chosen.sum())}"
+        dots(axes, places[chosen], s=16, color=colour, label=label, zorder=4)
+    blocker = found.ending_blocker
+    held = np.isfinite(blocker[:, 0])
+    look = {"marker": "X", "s": 26, "color": INK, "edgecolor": "white", "linewidths": 0.5}
+    dots(axes, _turned(found, blocker[held, :2]), label="hides the road", zorder=5, **look)
+    axes.set(
+        xlim=frame[:, 0],
+        ylim=frame[:, 1],
+        aspect="equal",
+        xlabel="along the line from start to end, m",
+        ylabel="to its left, m",
+        title=f"Sight distance after {found.standard.name}: plan, returns above the road in grey",
+    )
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.28), ncols=4, frameon=False)
+
+
+def _level_profile(found: SightDistances) -> tuple[Float64Array, Float64Array]:
+    """Rising positions along the plan, and the height of the road there."""
+    along = _turned(found, found.road.points[:, :2])[:, 0]
+    order = np.argsort(along, kind="stable")
+    return along[order], found.road.points[order, 2]
+
+
+def _draw_chart(axes: Any, found: SightDistances) -> None:
+    where, seen_m, possible_m = found.chainage_m, found.seen_m, found.possible_m
+    axes.fill_between(
+        where, seen_m, possible_m, color=FAINT, linewidth=0, label="unknown: may be visible"
+    )
+    axes.fill_between(where, 0, seen_m, color=INTERVISIBLE, alpha=0.25, linewidth=0)
+    axes.plot(where, seen_m, color=INTERVISIBLE, marker=".", markersize=3, label="seen")
+    axes.plot(where, found.required_m, color=INK, linewidth=1.2, linestyle="--", label="required")
+    bounded = found.is_bounded
+    dots(
+        axes,
+        np.column_stack([where, possible_m])[bounded],
+        s=14,
+        color=NODE,
+        marker="v",
+        label="ends at something that hides",
+        zorder=4,
+    )
+    axes.set(
+        ylabel="along the path, m",
+        ylim=(0, 1.08 * float(max(found.distance_m[-1], _largest(found.required_m)))),
+        title="Available and required sight distance",
+    )
+    axes.legend(loc="upper right", frameon=False, ncols=4, fontsize=6.5)
+
+
+def _largest(values: Float64Array) -> float:
+    return float(np.where(np.isfinite(values), values, 0.0).max())
+
+
+def _draw_states(axes: Any, found: SightDistances) -> None:
+    """Every object as a cell: chainage of the station, distance ahead."""
+    from matplotlib.colors import ListedColormap
+
+    half_s, half_d = _half_step(found.chainage_m), 0.5 * found.step_m
+    axes.imshow(
+        (found.state.T - NO_TARGET).astype(np.float64),
+        origin="lower",
+        aspect="auto",
+        extent=(
+            *(found.chainage_m[0] - half_s, found.chainage_m[-1] + half_s),
+            *(found.distance_m[0] - half_d, found.distance_m[-1] + half_d),
+        ),
+        cmap=ListedColormap([colour for _, _, colour in STATES]),
+        vmin=-0.5,
+        vmax=3.5,
+        interpolation="nearest",
+    )
+    steps = np.append(found.chainage_m - half_s, found.chainage_m[-1] + half_s)
+    axes.stairs(found.required_m, steps, color=INK, linestyle="--", linewidth=1.2, baseline=None)
+    for state, name, colour in STATES[1:]:
+        label = f"{name}, {100 * _share(found, found.state == state):.0f} %"
+        dots(axes, np.full((1, 2), np.nan), s=30, color=colour, marker="s", label=label)
+    axes.set(
+        xlabel="chainage of the driver, m",
+        ylabel="object ahead, m",
+        ylim=(0, 1.08 * float(max(found.distance_m[-1], _largest(found.required_m)))),
+        title="State of every object",
+    )
+    axes.legend(loc="upper right", frameon=True, framealpha=0.85, ncols=3, fontsize=6.5)
+
+
+def _share(found: SightDistances, chosen: BoolArray) -> float:
+    return float(chosen.sum() / max((found.state != NO_TARGET).sum(), 1))
+
+
+def _half_step(chainage_m: Float64Array) -> float:
+    return 0.5 * float(chainage_m[1] - chainage_m[0]) if len(chainage_m) > 1 else 2.5
