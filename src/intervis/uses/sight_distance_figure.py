@@ -33,8 +33,8 @@ STATES = (
     (OCCLUDED, "hidden", NODE),
     (VISIBLE, "visible", INTERVISIBLE),
 )
-BESIDE_M = 25.0
-"""Returns up to this distance beside the path are drawn in the plan."""
+AROUND_M = 9.0
+"""Margin of the plan around the path."""
 LIMITS_OF_PLAN = (0.16, 0.9)
 """Least and largest ratio of height and width of the plan."""
 
@@ -67,7 +67,7 @@ def sight_distance_picture(found: SightDistances, returns: Float64Array) -> "Fig
 def _plan_frame(found: SightDistances) -> Float64Array:
     """(2, 2) corners of the plan, in the path's main directions: see `_turned`."""
     along = _turned(found, found.road.points[:, :2])
-    low, high = along.min(axis=0) - 8.0, along.max(axis=0) + 8.0
+    low, high = along.min(axis=0) - AROUND_M, along.max(axis=0) + AROUND_M
     least, most = LIMITS_OF_PLAN
     wide, tall = high - low
     missing = np.array([max(tall / most - wide, 0.0), max(least * wide - tall, 0.0)]) / 2
@@ -105,11 +105,11 @@ def _draw_plan(
         xlim=frame[:, 0],
         ylim=frame[:, 1],
         aspect="equal",
-        xlabel="along the line from start to end, m",
-        ylabel="to its left, m",
-        title=f"Sight distance after {found.standard.name}: plan, returns above the road in grey",
+        ylabel="left of the line, m",
+        title=f"Sight distance after {found.standard.name}, along the line from start to end (m);"
+        " returns above the road in grey",
     )
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.28), ncols=4, frameon=False)
+    axes.legend(loc="upper right", framealpha=0.9, edgecolor="white", ncols=4, fontsize=6.5)
 
 
 def _level_profile(found: SightDistances) -> tuple[Float64Array, Float64Array]:
@@ -139,14 +139,16 @@ def _draw_chart(axes: Any, found: SightDistances) -> None:
     )
     axes.set(
         ylabel="along the path, m",
-        ylim=(0, 1.08 * float(max(found.distance_m[-1], _largest(found.required_m)))),
+        ylim=(0, _top_m(found)),
         title="Available and required sight distance",
     )
     axes.legend(loc="upper right", frameon=False, ncols=4, fontsize=6.5)
 
 
-def _largest(values: Float64Array) -> float:
-    return float(np.where(np.isfinite(values), values, 0.0).max())
+def _top_m(found: SightDistances) -> float:
+    """Upper end of the axes, with room for the legend."""
+    required_m = np.where(np.isfinite(found.required_m), found.required_m, 0.0)
+    return 1.25 * float(max(found.distance_m[-1], required_m.max()))
 
 
 def _draw_states(axes: Any, found: SightDistances) -> None:
@@ -175,7 +177,7 @@ def _draw_states(axes: Any, found: SightDistances) -> None:
     axes.set(
         xlabel="chainage of the driver, m",
         ylabel="object ahead, m",
-        ylim=(0, 1.08 * float(max(found.distance_m[-1], _largest(found.required_m)))),
+        ylim=(0, _top_m(found)),
         title="State of every object",
     )
     axes.legend(loc="upper right", frameon=True, framealpha=0.85, ncols=3, fontsize=6.5)
