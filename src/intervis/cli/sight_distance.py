@@ -168,11 +168,11 @@ def _moments(
 ) -> "Float64Array | None":
     """Query times of the stations."""
     from intervis.errors import SettingsError
-    from intervis.uses.survey import moments_near, moments_of_poses
+    from intervis.uses.survey import has_times, moments_near, moments_of_poses
 
     if name == "map":
         return None
-    if not survey.has_times:
+    if not has_times(survey.scene):
         raise SettingsError(f"--moments {name} needs times of the scans: give them with --hz.")
     chainage_m = road.stations(step_m)
     choose = moments_of_poses if name == "pose" else moments_near
@@ -201,7 +201,7 @@ def _write(
         from intervis.plots.style import save_figure
         from intervis.uses.sight_distance_figure import sight_distance_picture
 
-        figure = sight_distance_picture(found, returns_above(drive, survey))
+        figure = sight_distance_picture(found, returns_above(drive, survey.frames))
         save_figure(figure, picture, picture.suffix[1:].lower())
     for name, path in (("Stations", csv), ("Outlines", geojson), ("Picture", picture)):
         if path is not None:

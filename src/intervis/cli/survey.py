@@ -8,6 +8,8 @@ import typer
 from intervis.cli.terminal import progress
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from intervis.arrays import Float64Array
     from intervis.drives import Drive
     from intervis.uses.route import Route
@@ -46,8 +48,8 @@ Risk = Annotated[
         help="How often visible and occluded may each be wrong, 0.001 to 0.2; default: 0.05.",
     ),
 ]
-SHOWN_SCANS = 12
-"""So many scans are drawn from above."""
+SHOWN_SCANS, SHOWN_RETURNS = 12, 250_000
+"""So many scans, and of their returns some so many, are drawn from above."""
 
 
 def route_of(drive: "Drive", path: Path | None, hz: float | None) -> "Route":
@@ -79,18 +81,18 @@ def read_survey(
     return survey
 
 
-def returns_above(drive: "Drive", survey: "Survey") -> "Float64Array":
-    """(N, 3) returns of some scans over the survey, for pictures; frame of the poses, metres."""
+def returns_above(drive: "Drive", numbers: "Sequence[int]") -> "Float64Array":
+    """(N, 3) returns of some of the frames, for pictures; frame of the poses, metres."""
     import numpy as np
 
     from intervis.arrays import finite_rows
     from intervis.transform import transform
 
-    every = max(1, -(-len(survey.frames) // SHOWN_SCANS))
+    every = max(1, -(-len(numbers) // SHOWN_SCANS))
     parts = []
-    for number in survey.frames[::every]:
+    for number in numbers[::every]:
         frame = drive[number]
-        assert frame.pose is not None  # as the survey has checked
+        assert frame.pose is not None  # as the scene has checked
         points = frame.points[finite_rows(frame.points), :3]
-        parts.append(transform(frame.pose, points[:: max(1, len(points) // 20_000)]))
+        parts.append(transform(frame.pose, points[:: max(1, len(points) * min(len(numbers), SHOWN_SCANS) // SHOWN_RETURNS)]))
     return np.concatenate(parts)

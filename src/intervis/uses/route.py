@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from intervis.arrays import Float64Array, array_of
-from intervis.errors import PointsError
+from intervis.errors import PointsError, SettingsError
 from intervis.sight.query_checks import positive_length
 
 LEAST_SPACING_M = 0.2
 """Places nearer to the one before are left out: a standing vehicle has no direction."""
 
+MOST_STATIONS = 2_000_000
 STRAIGHT_M = 5.0
 """The last part of a route, whose direction an extension keeps."""
 
@@ -113,9 +114,14 @@ class Route:
         Raises
         ------
         SettingsError
-            The step is not positive and finite.
+            The step is not positive and finite, or makes more than `MOST_STATIONS`.
         """
-        return np.arange(0.0, self.length_m + 1e-9, positive_length("the step", step_m))
+        step = positive_length("the step", step_m)
+        if self.length_m / step > MOST_STATIONS:
+            raise SettingsError(
+                f"steps of {step:g} m along {self.length_m:.0f} m are too many: take larger ones."
+            )
+        return np.arange(0.0, self.length_m + 1e-9, step)
 
     def at(self, chainage_m: ArrayLike) -> Float64Array:
         """(..., 3) places at chainages, linear in between; NaN beyond the ends."""

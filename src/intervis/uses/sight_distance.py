@@ -238,15 +238,17 @@ def sight_distances(
     required_m = standard.stopping_m(speeds, grade)
     reach_m = _reach_m(road, required_m) if reach_m is None else positive_length("reach_m", reach_m)
     step = positive_length("target_step_m", target_step_m)
-    distance_m = np.arange(NEAREST_M, min(reach_m, road.length_m) + 1e-9, step)
-    lines = len(chainage_m) * len(distance_m) * len(standard.eye_m) * len(standard.object_m)
+    farthest_m = min(reach_m, road.length_m)
+    lines = len(chainage_m) * len(standard.eye_m) * len(standard.object_m)
+    lines *= max(int((farthest_m - NEAREST_M) / step + 1.0), 0)
     if lines > MOST_LINES:
         raise SettingsError(
             f"{lines:,} lines are asked, and at most {MOST_LINES:,} are answered: take larger steps"
             " or a shorter reach."
         )
-    if not len(distance_m):
+    if not lines:
         raise SettingsError(f"reach_m must be {NEAREST_M:g} m or more, where objects start.")
+    distance_m = np.arange(NEAREST_M, farthest_m + 1e-9, step)
     moments = None if moments_s is None else np.asarray(moments_s, np.float64)
     shape = (len(chainage_m), len(distance_m))
     state, probability = np.full(shape, NO_TARGET, np.int8), np.full(shape, np.nan)

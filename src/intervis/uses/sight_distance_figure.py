@@ -15,6 +15,7 @@ from intervis.plots.style import (
     page_figure,
 )
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
+from intervis.uses.plan_frame import PlanFrame
 from intervis.uses.sight_distance import (
     DEFICIENT,
     NO_TARGET,
@@ -33,10 +34,6 @@ STATES = (
     (OCCLUDED, "hidden", NODE),
     (VISIBLE, "visible", INTERVISIBLE),
 )
-AROUND_M = 9.0
-"""Margin of the plan around the path."""
-LIMITS_OF_PLAN = (0.16, 0.9)
-"""Least and largest ratio of height and width of the plan."""
 
 
 def sight_distance_picture(found: SightDistances, returns: Float64Array) -> "Figure":
@@ -53,45 +50,21 @@ def sight_distance_picture(found: SightDistances, returns: Float64Array) -> "Fig
     MissingExtraError
         matplotlib (extra ``plots``) is not installed.
     """
-    frame = _plan_frame(found)
-    plan_in = 6.4 * float(np.ptp(frame[:, 1]) / np.ptp(frame[:, 0]))
-    ratios = [plan_in, 2.1, 2.1]
+    plan = PlanFrame.around(found.road, found.road.points)
+    ratios = [6.4 * plan.aspect, 2.1, 2.1]
     with page_figure(sum(ratios) + 1.2, nrows=3, height_ratios=ratios) as (figure, axes):
-        _draw_plan(axes[0], found, returns, frame)
+        _draw_plan(axes[0], found, returns, plan)
         _draw_chart(axes[1], found)
         _draw_states(axes[2], found)
         axes[2].sharex(axes[1])
         return figure
 
 
-def _plan_frame(found: SightDistances) -> Float64Array:
-    """(2, 2) corners of the plan, in the path's main directions: see `_turned`."""
-    along = _turned(found, found.road.points[:, :2])
-    low, high = along.min(axis=0) - AROUND_M, along.max(axis=0) + AROUND_M
-    least, most = LIMITS_OF_PLAN
-    wide, tall = high - low
-    missing = np.array([max(tall / most - wide, 0.0), max(least * wide - tall, 0.0)]) / 2
-    return np.stack([low - missing, high + missing])
-
-
-def _turned(found: SightDistances, xy: Float64Array) -> Float64Array:
-    """Points (N, 2) turned so that the line from the first to the last place is level."""
-    first, last = found.road.points[[0, -1], :2]
-    ahead = (last - first) / max(float(np.linalg.norm(last - first)), 1e-9)
-    return np.column_stack([(xy - first) @ ahead, (xy - first) @ [-ahead[1], ahead[0]]])
-
-
 def _draw_plan(
-    axes: Any, found: SightDistances, returns: Float64Array, frame: Float64Array
+    axes: Any, found: SightDistances, returns: Float64Array, plan: PlanFrame
 ) -> None:
-    shown = _turned(found, returns[:, :2])
-    road_m = np.interp(shown[:, 0], *_level_profile(found))
-    above = returns[:, 2] - road_m > 0.3
-    inside = ((shown > frame[0]) & (shown < frame[1])).all(axis=1) & above
-    dots(axes, shown[inside], s=0.25, color=FAINT, rasterized=True)
-    path = _turned(found, found.road.points[:, :2])
-    axes.plot(path[:, 0], path[:, 1], color=INK, linewidth=0.6)
-    places = _turned(found, found.road.at(found.chainage_m)[:, :2])
+    plan.draw(axes, returns)
+    places = plan.turned(found.road.at(found.chainage_m))
     verdict = found.verdict
     for word, colour in COLOURS.items():
         chosen = verdict == word
@@ -100,23 +73,13 @@ def _draw_plan(
     blocker = found.ending_blocker
     held = np.isfinite(blocker[:, 0])
     look = {"marker": "X", "s": 26, "color": INK, "edgecolor": "white", "linewidths": 0.5}
-    dots(axes, _turned(found, blocker[held, :2]), label="hides the road", zorder=5, **look)
+    dots(axes, plan.turned(blocker[held]), label="hides the road", zorder=5, **look)
     axes.set(
-        xlim=frame[:, 0],
-        ylim=frame[:, 1],
-        aspect="equal",
         ylabel="left of the line, m",
         title=f"Sight distance after {found.standard.name}, along the line from start to end (m);"
         " returns above the road in grey",
     )
     axes.legend(loc="upper right", framealpha=0.9, edgecolor="white", ncols=4, fontsize=6.5)
-
-
-def _level_profile(found: SightDistances) -> tuple[Float64Array, Float64Array]:
-    """Rising positions along the plan, and the height of the road there."""
-    along = _turned(found, found.road.points[:, :2])[:, 0]
-    order = np.argsort(along, kind="stable")
-    return along[order], found.road.points[order, 2]
 
 
 def _draw_chart(axes: Any, found: SightDistances) -> None:

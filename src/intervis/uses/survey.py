@@ -1,7 +1,7 @@
 """A survey: the scans of a drive in one scene, in the frame of its poses, and the road below."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,11 +46,6 @@ class Survey:
     frames: tuple[int, ...]
     road: RoadSurface
 
-    @property
-    def has_times(self) -> bool:
-        """Whether every scan has a time."""
-        return not bool(np.isnan(self.scene.timestamps_s).any())
-
 
 def survey_of(
     drive: Drive,
@@ -90,19 +85,62 @@ def survey_of(
         The spacing is negative.
     """
     chosen = _spaced(drive, list(drive.frame_numbers if numbers is None else numbers), spacing_m)
+    road = RoadSurface(route)
+    scene = scene_of_drive(
+        drive,
+        chosen,
+        scans_per_s=scans_per_s,
+        max_bytes=max_bytes,
+        use=road.add,
+        progress=progress,
+    )
+    return Survey(scene, tuple(chosen), road)
+
+
+def scene_of_drive(
+    drive: Drive,
+    numbers: Sequence[int],
+    *,
+    scans_per_s: float | None = None,
+    max_bytes: int = MOST_BYTES,
+    use: Callable[[Float64Array, Float64Array], None] | None = None,
+    progress: Progress | None = None,
+) -> Scene:
+    """A scene of frames of a drive, in the frame of its poses.
+
+    Parameters
+    ----------
+    drive, scans_per_s, max_bytes, progress
+        See `survey_of`.
+    numbers : sequence of int
+        Frames to read.
+    use : function or None
+        Called with the returns (N, 3) of each scan in the scene's frame, and the scanner's place.
+
+    Raises
+    ------
+    DriveError, SceneError
+        As `survey_of`.
+    """
+    chosen = _spaced(drive, list(numbers), 0.0)
     time_s = frame_times_s(drive, chosen, scans_per_s)
-    scene, road = Scene(max_scans=len(chosen), max_bytes=max_bytes), RoadSurface(route)
-    report = progress or silent
+    scene, report = Scene(max_scans=len(chosen), max_bytes=max_bytes), progress or silent
     for nth, number in enumerate(chosen):
         frame = drive[number]
         assert frame.pose is not None  # as _spaced has checked
         scene.add(frame.points, frame.pose, None if time_s is None else float(time_s[nth]))
         if nth == 0:
             _check_memory(scene.bytes * len(chosen), len(chosen), max_bytes)
-        points = transform(frame.pose, frame.points[finite_rows(frame.points), :3])
-        road.add(points, frame.pose[:3, 3])
+        if use is not None:
+            points = frame.points[finite_rows(frame.points), :3]
+            use(transform(frame.pose, points), frame.pose[:3, 3])
         report(f"frame {number}")
-    return Survey(scene, tuple(chosen), road)
+    return scene
+
+
+def has_times(scene: Scene) -> bool:
+    """Whether every scan of a scene has a time."""
+    return not bool(np.isnan(scene.timestamps_s).any())
 
 
 def _spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
