@@ -161,6 +161,8 @@ def sightdistance(
 
 
 MOMENTS = ("map", "pose", "any")
+MOST_PICTURES, NEAR_SCANS = 6, 3
+"""Pictures of the worst places at most, and scans that are drawn in each."""
 
 
 def _moments(
@@ -203,6 +205,35 @@ def _write(
 
         figure = sight_distance_picture(found, returns_above(drive, survey.frames))
         save_figure(figure, picture, picture.suffix[1:].lower())
+    if worst is not None:
+        _draw_worst(found, survey, drive, worst)
     for name, path in (("Stations", csv), ("Outlines", geojson), ("Picture", picture)):
         if path is not None:
             show(f"{name}: {path}")
+
+
+def _draw_worst(
+    found: "SightDistances", survey: "Survey", drive: "Drive", folder: Path
+) -> None:
+    """One picture for each of the worst places."""
+    import numpy as np
+
+    from intervis.plots.style import save_figure
+    from intervis.uses.sight_distance_table import worst_stations
+    from intervis.uses.sight_place_figure import place_picture
+
+    stations = worst_stations(found, MOST_PICTURES)
+    places = survey.scene.poses[:, :2, 3]
+    with progress("pictures", len(stations)) as advance:
+        for nth in stations:
+            station = found.road.at(found.chainage_m[nth])
+            order = np.argsort(np.linalg.norm(places - station[:2], axis=1), kind="stable")
+            near = [survey.frames[k] for k in order[:NEAR_SCANS]]
+            figure = place_picture(found, nth, returns_above(drive, near), drive[near[0]])
+            path = folder / f"chainage_{found.chainage_m[nth]:05.0f}.png"
+            save_figure(figure, path)
+            advance(path.name)
+    if stations:
+        show(f"Worst places: {len(stations)} pictures in {folder}")
+    else:
+        show("No station is deficient: there is no worst place to draw.")
