@@ -59,8 +59,8 @@ def exact(world: RoadWorld, found: SightDistances) -> SightDistances:
     eye_m, object_m = found.standard.eye_m[0], found.standard.object_m[0]
     for nth, at_m in enumerate(found.chainage_m):
         ahead = at_m + found.distance_m <= world.road.length_m
-        ends = world.road.at(at_m + found.distance_m[ahead]) + [0, 0, object_m]
-        hit = world.snapshot.caster.blocked(world.road.at(at_m) + [0, 0, eye_m], ends)
+        ends = world.road.above(at_m + found.distance_m[ahead], object_m)
+        hit = world.snapshot.caster.blocked(world.road.above(at_m, eye_m), ends)
         state[nth, ahead] = np.where(hit, OCCLUDED, VISIBLE)
     return replace(found, state=state)
 

@@ -49,9 +49,7 @@ def agents(
     ] = None,
     hz: Hz = None,
     risk: Risk = None,
-    csv: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Write the pairs.")
-    ] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the pairs.")] = None,
     every: Annotated[
         Path | None,
         typer.Option("--every", metavar="FILE.csv", help="Write every pair of every frame."),

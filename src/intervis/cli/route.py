@@ -1,7 +1,7 @@
-"""``intervis route``: when targets and zones come into sight along a route, and when they are lost."""
+"""``intervis route``: when targets and zones come into sight along a route, and are lost."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -138,7 +138,7 @@ def _answer(
     from intervis.uses.zone import read_zones
 
     with progress("places", len(way.stations(step_m))) as advance:
-        asked = {
+        asked: Any = {
             "step_m": step_m,
             "max_range_m": reach_m,
             "risk": DEFAULT_RISK if risk is None else risk,

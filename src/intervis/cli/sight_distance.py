@@ -1,5 +1,6 @@
 """``intervis sightdistance``: how far ahead a driver sees the road, against a standard."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -131,7 +132,7 @@ def sightdistance(
     from intervis.sight.occupancy_model import DEFAULT_RISK
     from intervis.uses.sight_distance import sight_distances
     from intervis.uses.sight_distance_table import station_table, summary
-    from intervis.uses.survey import route_on_road
+    from intervis.uses.survey import classes_of, route_on_road
 
     drive = open_drive(source)
     route = route_of(drive, route_file, hz)
@@ -154,20 +155,23 @@ def sightdistance(
             moments_s=_moments(moments, survey, road, step),
             progress=advance,
         )
+    found = replace(found, blocker_class=classes_of(drive, survey, found.ending_blocker))
     show(f"{drive.name}, {len(survey.frames)} scans, path of {road.length_m:.0f} m; {chosen.note}")
-    show(station_table(found).as_text())
+    table = station_table(found)
+    show(replace(table, rows=table.rows[:SHOWN_ROWS]).as_text())
+    if len(table.rows) > SHOWN_ROWS:
+        show(f"and {len(table.rows) - SHOWN_ROWS} more: --csv writes all.")
     show(summary(found))
     _write(found, survey, drive, csv, geojson, picture, worst)
 
 
 MOMENTS = ("map", "pose", "any")
+SHOWN_ROWS = 60
 MOST_PICTURES, NEAR_SCANS = 6, 3
 """Pictures of the worst places at most, and scans that are drawn in each."""
 
 
-def _moments(
-    name: str, survey: "Survey", road: "Route", step_m: float
-) -> "Float64Array | None":
+def _moments(name: str, survey: "Survey", road: "Route", step_m: float) -> "Float64Array | None":
     """Query times of the stations."""
     from intervis.errors import SettingsError
     from intervis.uses.survey import has_times, moments_near, moments_of_poses
@@ -212,9 +216,7 @@ def _write(
             show(f"{name}: {path}")
 
 
-def _draw_worst(
-    found: "SightDistances", survey: "Survey", drive: "Drive", folder: Path
-) -> None:
+def _draw_worst(found: "SightDistances", survey: "Survey", drive: "Drive", folder: Path) -> None:
     """One picture for each of the worst places."""
     import numpy as np
 

@@ -94,5 +94,10 @@ def returns_above(drive: "Drive", numbers: "Sequence[int]") -> "Float64Array":
         frame = drive[number]
         assert frame.pose is not None  # as the scene has checked
         points = frame.points[finite_rows(frame.points), :3]
-        parts.append(transform(frame.pose, points[:: max(1, len(points) * min(len(numbers), SHOWN_SCANS) // SHOWN_RETURNS)]))
+        parts.append(
+            transform(
+                frame.pose,
+                points[:: max(1, len(points) * min(len(numbers), SHOWN_SCANS) // SHOWN_RETURNS)],
+            )
+        )
     return np.concatenate(parts)

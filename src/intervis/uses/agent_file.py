@@ -74,8 +74,6 @@ def _number(path: Path, nth: int, key: str, text: str | None) -> float | None:
 
 
 def _agent(name: str, rows: Sequence[dict[str, float | None]], scene: Scene) -> Agent:
-    if any(row["x"] is None or row["y"] is None for row in rows):
-        raise PointsError(f"agent {name!r} has no place: give x and y.")
     frames = [row.get("frame") for row in rows]
     poses = [_pose(name, row, scene) for row in rows]
     first = {key: value for key, value in rows[0].items() if value is not None}
@@ -92,7 +90,7 @@ def _agent(name: str, rows: Sequence[dict[str, float | None]], scene: Scene) -> 
 
 
 def _ground(name: str, row: dict[str, float | None], scene: Scene) -> float:
-    ground_m = float(scene.ground_height([[row["x"], row["y"]]])[0])
+    ground_m = float(scene.ground_height([_place(name, row)])[0])
     if math.isnan(ground_m):
         raise PointsError(f"the scene shows no ground below agent {name!r}: give its z.")
     return ground_m
@@ -104,7 +102,14 @@ def _pose(name: str, row: dict[str, float | None], scene: Scene) -> Float64Array
         height_m = row.get("height")
         z_m = _ground(name, row, scene) + (DEFAULT_HEIGHT_M if height_m is None else height_m)
     turn = Rotation.from_euler("z", row.get("yaw_deg") or 0.0, degrees=True)
-    return rigid(turn.as_matrix(), [row["x"], row["y"], z_m])
+    return rigid(turn.as_matrix(), [*_place(name, row), z_m])
+
+
+def _place(name: str, row: dict[str, float | None]) -> tuple[float, float]:
+    x, y = row["x"], row["y"]
+    if x is None or y is None:
+        raise PointsError(f"agent {name!r} has no place: give x and y.")
+    return x, y
 
 
 def _body(row: dict[str, float], eye_m: float) -> Float64Array | None:

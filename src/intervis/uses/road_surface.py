@@ -1,6 +1,7 @@
 """The road surface along a route: heights from the returns in a strip along it."""
 
 from bisect import bisect_left
+from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
@@ -113,7 +114,7 @@ class RoadSurface:
             order = np.lexsort((z_m, piece))
             piece, z_m = piece[order], z_m[order]
             starts = np.searchsorted(piece, np.arange(len(raw_m) + 1))
-            for nth, (begin, end) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+            for nth, (begin, end) in enumerate(pairwise(starts)):
                 if end - begin >= LEAST_RETURNS:
                     own = z_m[begin:end]  # rising
                     low = own[len(own) // 10]
@@ -129,9 +130,7 @@ class RoadSurface:
         return bodies_on_road(self._middles, raw_m - sensors[nearest, 2], distance_m)
 
 
-def _near(
-    route: Route, xy: Float64Array, within_m: float
-) -> tuple[Float64Array, Float64Array]:
+def _near(route: Route, xy: Float64Array, within_m: float) -> tuple[Float64Array, Float64Array]:
     """As `Route.locate`, for points within a distance only; NaN for others."""
     chainage_m, offset_m = np.full(len(xy), np.nan), np.full(len(xy), np.nan)
     fine = route.at(np.append(route.stations(CELL_M), route.length_m))[:, :2]
@@ -192,6 +191,6 @@ def _smoothed(middle_m: Float64Array, raw_m: Float64Array) -> Float64Array:
     for nth in np.flatnonzero(known):
         near = np.abs(x_m - middle_m[nth]) <= SMOOTH_M
         if near.sum() >= 3:
-            slope, level = np.polyfit(x_m[near] - middle_m[nth], z_m[near], 1)
-            smooth_m[nth] = level
+            line = np.polyfit(x_m[near] - middle_m[nth], z_m[near], 1)
+            smooth_m[nth] = line[1]
     return smooth_m

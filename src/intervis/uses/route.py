@@ -131,13 +131,19 @@ class Route:
         ]
         return np.stack(columns, axis=-1)
 
+    def above(self, chainage_m: ArrayLike, height_m: float) -> Float64Array:
+        """(..., 3) places at chainages, so much higher than the route."""
+        places = self.at(chainage_m)
+        places[..., 2] += height_m
+        return places
+
     def speed_at(self, chainage_m: ArrayLike) -> Float64Array:
         """Speed at chainages, metres per second; NaN where not known."""
-        return np.asarray(np.interp(chainage_m, self.chainage_m, self.speed_mps))
+        return np.asarray(np.interp(np.asarray(chainage_m), self.chainage_m, self.speed_mps))
 
     def time_at(self, chainage_m: ArrayLike) -> Float64Array:
         """Time at chainages, seconds; NaN where not known."""
-        return np.asarray(np.interp(chainage_m, self.chainage_m, self.time_s))
+        return np.asarray(np.interp(np.asarray(chainage_m), self.chainage_m, self.time_s))
 
     def locate(self, xy: ArrayLike) -> tuple[Float64Array, Float64Array]:
         """Chainage and offset of points: of the nearest place of the route.

@@ -83,7 +83,7 @@ def _draw_targets(axes: Any, answer: RouteAnswer, plan: PlanFrame) -> None:
             )
     axes.set(
         ylabel="left of the line, m",
-        title="Plan along the line from start to end of the route (m); returns in grey",
+        title="Plan: along the line from start to end of the route, m",
     )
 
 

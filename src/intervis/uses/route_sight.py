@@ -1,7 +1,8 @@
-"""What a route sees: when each target or zone comes into sight, for how long, and when it is lost."""
+"""What a route sees: when each target or zone comes into sight, and when it is lost."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,9 +96,7 @@ def route_sight(
     for begin, end in batches(len(eyes), len(targets), moments_s is not None):
         part = slice(begin, end)
         moment_s = None if moments_s is None else float(moments_s[begin])
-        sight = scene.sight(
-            eyes[part], targets, max_range_m=range_m, risk=risk, moment_s=moment_s
-        )
+        sight = scene.sight(eyes[part], targets, max_range_m=range_m, risk=risk, moment_s=moment_s)
         far = np.linalg.norm(targets - eyes[part, None], axis=2) > range_m
         state[part] = np.where(far, OUT_OF_RANGE, sight.state)
         probability[part] = sight.probability
@@ -233,7 +232,7 @@ def zone_sight(
         progress=progress,
     )
     bounds = np.cumsum([0, *map(len, parts)])
-    pieces = [slice(*pair) for pair in zip(bounds[:-1], bounds[1:], strict=True)]
+    pieces = [slice(*pair) for pair in pairwise(bounds)]
     return ZoneSight(
         _share(seen.state == VISIBLE, pieces),
         _share(seen.state == OCCLUDED, pieces),

@@ -200,4 +200,3 @@ def sightings_as_geojson(
 
 def _rounded(value: float) -> float | None:
     return round(float(value), 3) if math.isfinite(value) else None
-

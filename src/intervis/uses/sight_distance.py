@@ -58,6 +58,8 @@ class SightDistances:
         As in `intervis.Sight`, of the line with the least probability.
     ignore_m : float
         Hidden or unknown stretches shorter than this do not end the sight distance.
+    blocker_class : tuple of S str
+        What `ending_blocker` is, where labels say so; empty without labels.
     """
 
     standard: SightStandard
@@ -71,6 +73,7 @@ class SightDistances:
     probability: Float64Array
     blocker: Float64Array
     ignore_m: float
+    blocker_class: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         counts = [f"{int((self.verdict == word).sum())} {word}" for word in VERDICTS]
@@ -122,7 +125,7 @@ class SightDistances:
         An upper bound of the probability that all of it is visible.
         """
         within = self._within & (self.state != NO_TARGET)
-        return np.where(within, self.probability, np.inf).min(axis=1)
+        return np.asarray(np.where(within, self.probability, np.inf).min(axis=1))
 
     @property
     def ending_blocker(self) -> Float64Array:
@@ -256,8 +259,8 @@ def sight_distances(
     for nth, at_m in enumerate(chainage_m):
         ahead = at_m + distance_m <= road.length_m + 1e-9
         asked = None if moments is None else moments[nth]
-        places = road.at(np.minimum(at_m + distance_m[ahead], road.length_m))
-        worst = _worst_of(scene, road.at(at_m), places, standard, risk, asked)
+        objects_m = np.minimum(at_m + distance_m[ahead], road.length_m)
+        worst = _worst_of(scene, road, float(at_m), objects_m, standard, risk, asked)
         state[nth, ahead], probability[nth, ahead], blocker[nth, ahead] = worst
         (progress or silent)(f"chainage {at_m:.0f} m")
     return SightDistances(
@@ -297,25 +300,26 @@ Worst = tuple[NDArray[np.int8], Float64Array, Float64Array]
 
 def _worst_of(
     scene: Scene,
-    station: Float64Array,
-    places: Float64Array,
+    road: Route,
+    station_m: float,
+    objects_m: Float64Array,
     standard: SightStandard,
     risk: float,
     moments_s: Float64Array | None,
 ) -> Worst:
-    """State (D,), probability (D,) and blocker (D, 3): the worst over all heights."""
-    lines = len(standard.eye_m) * len(standard.object_m)
-    starts = np.empty((lines, len(places), 3))
-    ends = np.empty_like(starts)
+    """State (D,), probability (D,) and blocker (D, 3) at D chainages: the worst over all heights."""
     pairs = [(eye_m, object_m) for eye_m in standard.eye_m for object_m in standard.object_m]
-    for nth, (eye_m, object_m) in enumerate(pairs):
-        starts[nth], ends[nth] = station + [0, 0, eye_m], places + [0, 0, object_m]
+    lines = len(pairs)
+    ends = np.stack([road.above(objects_m, object_m) for _, object_m in pairs])
+    starts = np.empty_like(ends)
+    for nth, (eye_m, _) in enumerate(pairs):
+        starts[nth] = road.above(station_m, eye_m)
     sight = best_of_moments(scene, starts.reshape(-1, 3), ends.reshape(-1, 3), risk, moments_s)
     state = sight.state.reshape(lines, -1)
     probability = sight.probability.reshape(lines, -1)
     rank = np.where(state == OCCLUDED, 0, np.where(state == UNKNOWN, 1, 2))
     worst = (rank + np.clip(probability, 0.0, 1.0) / 2.0).argmin(axis=0)
-    column = np.arange(len(places))
+    column = np.arange(len(objects_m))
     blocker = sight.blocker.reshape(lines, -1, 3)
     return state[worst, column], probability.min(axis=0), blocker[worst, column]
 

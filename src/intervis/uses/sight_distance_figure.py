@@ -60,9 +60,7 @@ def sight_distance_picture(found: SightDistances, returns: Float64Array) -> "Fig
         return figure
 
 
-def _draw_plan(
-    axes: Any, found: SightDistances, returns: Float64Array, plan: PlanFrame
-) -> None:
+def _draw_plan(axes: Any, found: SightDistances, returns: Float64Array, plan: PlanFrame) -> None:
     plan.draw(axes, returns)
     places = plan.turned(found.road.at(found.chainage_m))
     verdict = found.verdict
@@ -76,8 +74,7 @@ def _draw_plan(
     dots(axes, plan.turned(blocker[held]), label="hides the road", zorder=5, **look)
     axes.set(
         ylabel="left of the line, m",
-        title=f"Sight distance after {found.standard.name}, along the line from start to end (m);"
-        " returns above the road in grey",
+        title=f"Plan, {found.standard.name}: along the line from start to end of the path, m",
     )
     axes.legend(loc="upper right", framealpha=0.9, edgecolor="white", ncols=4, fontsize=6.5)
 

@@ -32,6 +32,8 @@ class StationSight:
     blocker : (3,) float64 array
     blocker_chainage_m, blocker_offset_m, blocker_height_m : float
         Along the path, to its left, and above the road there.
+    blocker_class : str
+        Where labels tell; otherwise empty.
     """
 
     chainage_m: float
@@ -50,6 +52,7 @@ class StationSight:
     blocker_chainage_m: float
     blocker_offset_m: float
     blocker_height_m: float
+    blocker_class: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +85,7 @@ def stations_of(found: SightDistances) -> list[StationSight]:
         *(100 * found.grade, found.required_m, found.seen_m, found.possible_m),
         *(found.is_bounded, found.verdict, found.deficit_m, found.unknown_share),
         *(found.least_probability, blocker, blocker_m, offset_m, height_m),
+        found.blocker_class or [""] * len(found.chainage_m),
     )
     return [StationSight(*row) for row in zip(*columns, strict=True)]
 
@@ -143,9 +147,10 @@ def station_table(found: SightDistances) -> Table:
 def _blocker_text(one: StationSight) -> str:
     if math.isnan(one.blocker_chainage_m):
         return "-"
-    return (
+    place = (
         f"{one.blocker_chainage_m:.0f}, {one.blocker_offset_m:+.1f}, {one.blocker_height_m:.1f} m"
     )
+    return f"{one.blocker_class} {place}" if one.blocker_class else place
 
 
 NUMBERS = (
@@ -157,13 +162,13 @@ NUMBERS = (
 
 def as_csv(found: SightDistances) -> str:
     """One row for each station; what is not defined is empty."""
-    heads = ["x", "y", "z", *NUMBERS, "is_bounded", "verdict", "blocker_x", "blocker_y"]
-    lines = [",".join([*heads, "blocker_z"])]
+    heads = ["x", "y", "z", *NUMBERS, "is_bounded", "verdict", "blocker_class"]
+    lines = [",".join([*heads, "blocker_x", "blocker_y", "blocker_z"])]
     for one in stations_of(found):
         values = [*one.place, *(getattr(one, name) for name in NUMBERS)]
         blocker = [_cell(value) for value in one.blocker]
-        bounded = str(int(one.is_bounded))
-        lines.append(",".join([*map(_cell, values), bounded, one.verdict, *blocker]))
+        words = [str(int(one.is_bounded)), one.verdict, one.blocker_class.replace(",", " ")]
+        lines.append(",".join([*map(_cell, values), *words, *blocker]))
     return "\n".join(lines) + "\n"
 
 
@@ -217,7 +222,11 @@ def _pieces(found: SightDistances) -> list[dict[str, Any]]:
         path = _path(found, one.chainage_m, end_m)
         features.append(_feature("LineString", path, {"kind": "station", **numbers, **flags}))
         if math.isfinite(one.blocker[0]):
-            properties = {"kind": "blocker", "of_chainage_m": _rounded(one.chainage_m)}
+            properties = {
+                "kind": "blocker",
+                "of_chainage_m": _rounded(one.chainage_m),
+                "class": one.blocker_class or None,
+            }
             features.append(_feature("Point", one.blocker.round(3).tolist(), properties))
     return features
 

@@ -70,18 +70,16 @@ def _title(found: SightDistances, nth: int) -> str:
     )
 
 
-def _line_to_hidden(
-    found: SightDistances, nth: int
-) -> tuple[Float64Array, Float64Array, Any]:
+def _line_to_hidden(found: SightDistances, nth: int) -> tuple[Float64Array, Float64Array, Any]:
     """(2, 3) the sight line to the first hidden object, (K, 3) objects on the path, and states."""
     standard, at_m = found.standard, float(found.chainage_m[nth])
     ahead = found.state[nth] >= UNKNOWN
-    up = np.array([0.0, 0.0, standard.object_m[0]])
-    objects = found.road.at(np.minimum(at_m + found.distance_m[ahead], found.road.length_m)) + up
+    where = np.minimum(at_m + found.distance_m[ahead], found.road.length_m)
+    objects = found.road.above(where, standard.object_m[0])
     state = found.state[nth, ahead]
     first_m = found.possible_m[nth] + found.step_m
     first = int(np.argmax((state == OCCLUDED) & (found.distance_m[ahead] >= first_m - 1e-6)))
-    eye = found.road.at(at_m) + [0.0, 0.0, standard.eye_m[0]]
+    eye = found.road.above(at_m, standard.eye_m[0])
     return np.stack([eye, objects[first]]), objects, state
 
 

@@ -145,7 +145,5 @@ def standard_named(name: str) -> SightStandard:
         There is none.
     """
     if name.lower() not in STANDARDS:
-        raise SettingsError(
-            f"there is no standard {name!r}: choose one of {', '.join(STANDARDS)}."
-        )
+        raise SettingsError(f"there is no standard {name!r}: choose one of {', '.join(STANDARDS)}.")
     return STANDARDS[name.lower()]

@@ -12,7 +12,8 @@ from intervis.drives import Drive
 from intervis.errors import DriveError, SceneError, SettingsError
 from intervis.progress import Progress, silent
 from intervis.sight import Scene
-from intervis.transform import transform
+from intervis.transform import inverse, transform
+from intervis.uses.objects import category_at
 from intervis.uses.road_surface import RoadSurface
 from intervis.uses.route import Route
 from intervis.uses.route_file import frame_times_s
@@ -243,3 +244,26 @@ def moments_near(survey: Survey, road: Route, chainage_m: Float64Array) -> Float
         near_s = scans_s[distance_m <= max(NEAR_SCANS_M, float(distance_m.min()))]
         moments[nth] = near_s[np.linspace(0, len(near_s) - 1, MOMENTS).round().astype(np.int64)]
     return moments
+
+
+def classes_of(drive: Drive, survey: Survey, points: Float64Array) -> tuple[str, ...]:
+    """Categories of the labelled boxes that hold points (M, 3); empty texts where none does.
+
+    The boxes are those of the frame nearest to each point.
+
+    Raises
+    ------
+    DriveError, CalibrationError
+        Labels cannot be read.
+    """
+    words = [""] * len(points)
+    known = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if drive.read_boxes is None or not len(known):
+        return tuple(words)
+    poses = [(drive.poses or {})[number] for number in survey.frames]
+    _, nearest = cKDTree([pose[:3, 3] for pose in poses]).query(points[known])
+    for nth in np.unique(nearest).tolist():
+        frame = drive[survey.frames[nth]]
+        for k in known[nearest == nth].tolist():
+            words[k] = category_at(transform(inverse(poses[nth]), points[k]), frame.boxes)
+    return tuple(words)

@@ -35,9 +35,9 @@ def read_targets(path: Path) -> tuple[list[str], Float64Array]:
     if not path.exists():
         raise DriveError(f"there are no targets at {path}: check the path.")
     if path.suffix.lower() != ".csv":
-        points = read_scan(path).points
-        points = points[finite_rows(points), :3].astype(np.float64)
-        return [str(nth) for nth in range(1, len(points) + 1)], points
+        scan = read_scan(path).points
+        places = scan[finite_rows(scan), :3].astype(np.float64)
+        return [str(nth) for nth in range(1, len(places) + 1)], places
     lines = [line for line in read_lines(path) if line.strip()]
     rows = list(csv.DictReader(lines, skipinitialspace=True))
     if not rows or not {"x", "y", "z"} <= set(rows[0]):

@@ -120,7 +120,7 @@ class Zone:
             middles = low + (np.column_stack([i, j]) + 0.5) * step
             inside = middles[self.contains(middles)]
             if len(inside):
-                return inside
+                return np.asarray(inside)
             spacing_m /= 2.0
 
 
@@ -211,5 +211,3 @@ def _zone(path: Path, nth: int, feature: Any) -> Zone:
     if len(rings) > 1:
         raise PointsError(f"zone {name!r} has holes: cut it into polygons without any.")
     return Zone(name, corners, low_m, high_m)
-
-

@@ -58,8 +58,10 @@ class RoadWorld:
         for at_m, before, after in zip(chainage_m, here, ahead, strict=True):
             if np.isfinite(before).all() and np.isfinite(after).all():
                 x, y, z = after - before
-                turn = Rotation.from_euler("ZY", [math.atan2(y, x), -math.atan2(z, math.hypot(x, y))])
-                place = self.road.at(at_m) + [0.0, 0.0, SENSOR_M]
+                turn = Rotation.from_euler(
+                    "ZY", [math.atan2(y, x), -math.atan2(z, math.hypot(x, y))]
+                )
+                place = self.road.above(at_m, SENSOR_M)
                 poses.append(rigid(turn.as_matrix(), place))
         return poses
 
