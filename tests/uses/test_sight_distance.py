@@ -8,12 +8,18 @@ measured with these scans, engine minus paper in metres (objects 0.5 m apart; -0
 - curve with a hedge, R = 80 m: -0.9 to 0.1. Parked cars at a junction: -0.5 to 0.1.
 """
 
+import csv
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import posed_street
 import pytest
 from numpy.typing import NDArray
 
+from intervis import open_drive
+from intervis.cli import exit_code
 from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.lab.worlds.roads import (
     ParkedRow,
@@ -25,6 +31,7 @@ from intervis.lab.worlds.roads import (
     junction_road,
 )
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
+from intervis.transform import transform
 from intervis.uses.route import Route
 from intervis.uses.sight_distance import NO_TARGET, SightDistances, mean_grade, sight_distances
 from intervis.uses.sight_distance_table import (
@@ -35,6 +42,7 @@ from intervis.uses.sight_distance_table import (
     worst_stations,
 )
 from intervis.uses.sight_standard import AASHTO, AUSTROADS, DMRB, SightStandard, standard_named
+from intervis.uses.survey import classes_of, route_on_road, survey_of
 
 Array = NDArray[np.float64]
 STEP_M = 0.5
@@ -308,3 +316,95 @@ def test_a_path_without_heights_or_too_short_is_told() -> None:
         )
     with pytest.raises(PointsError, match=r"4.0 m long, and objects start 5 m ahead"):
         sight_distances(wall_scene(), Route.through([[0, 0, 0], [4, 0, 0]]), AASHTO)
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return posed_street.write(tmp_path_factory.mktemp("drives") / "street")
+
+
+def test_the_command(street: Path, tmp_path: Path, capsys) -> None:
+    # The van reaches from (22, 1) to (26, 3); the path turns left behind it.
+    route = tmp_path / "r.csv"
+    route.write_text("x,y,speed_kmh\n0,0,40\n27,0,40\n31,3,20\n38,6,20\n")
+    outputs = {
+        "--csv": tmp_path / "s.csv",
+        "--geojson": tmp_path / "s.geojson",
+        "--picture": tmp_path / "s.png",
+        "--worst": tmp_path / "worst",
+    }
+    files = [str(part) for pair in outputs.items() for part in pair]
+    command = ["sightdistance", str(street), "--route", str(route), "--spacing", "0"]
+    assert exit_code([*command, "--offset", "0.5", *files]) == 0
+    out = capsys.readouterr().out
+    assert "AASHTO Green Book" in out
+    rows = list(csv.DictReader(outputs["--csv"].read_text().splitlines()))
+    assert [float(row["speed_kmh"]) for row in rows[:2]] == pytest.approx([40, 40])
+    short = [row for row in rows if row["verdict"] == "deficient"]
+    assert short
+    assert all(21.5 < float(row["blocker_x"]) < 26.5 for row in short)
+    assert all(0.5 < float(row["blocker_y"]) < 3.5 for row in short)
+    assert json.loads(outputs["--geojson"].read_text())["standard"] == "AASHTO"
+    assert outputs["--picture"].stat().st_size > 10_000
+    pictures = list(outputs["--worst"].iterdir())
+    assert pictures
+    assert all(path.stat().st_size > 10_000 for path in pictures)
+    reverse = [*command, "--back", "--hz", "10", "--moments", "any", "--eye", "1.05,2"]
+    assert exit_code([*reverse, "--standard", "dmrb", "--step", "10"]) == 0
+    assert "textbook extract" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--standard", "din"], "there is no standard 'din': choose one of aashto, dmrb"),
+        (["--eye", "high"], "--eye must be heights in metres, as 1.08 or 1.05,2, got 'high'"),
+        (["--object", "20"], "object heights must be from 0 to 10 m, got 20"),
+        (["--braking", "3"], "braking must be from 0.02 to 1, as a share of gravity, got 3"),
+        (["--reaction", "-1"], "the reaction time must be from 0 to 10 s"),
+        ([], "the route has no speeds: give one for the whole of it"),
+        (["--speed", "0"], "speed must be a positive length"),
+        (["--moments", "now"], "--moments must be one of map, pose, any"),
+        (["--moments", "pose"], "--moments pose needs times of the scans: give them with --hz"),
+        (["--speed", "30", "--step", "-1"], "the step must be a positive length"),
+        (["--extend", "500"], "the route leaves the scans at chainage"),
+        (["--speed", "30", "--extend", "20", "--hz", "5", "--moments", "pose"], "has no time at"),
+    ],
+)
+def test_requests_that_make_no_sense(street: Path, options: list, message: str, capsys) -> None:
+    assert exit_code(["sightdistance", str(street), *options]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.realdata
+def test_a_car_hides_the_road_from_a_driveway(shared_data: Path, tmp_path: Path) -> None:
+    # A driver leaves a driveway at x = 11.5 and turns right; a car is parked from x = 20.5 to 24.5
+    # at y = -1.8 to -3.3 (seen in the scans). From (11.5, -5) the line that touches its corner
+    # (20.6, -1.8) meets the path y = -1 at x = 11.5 + 9.1 / 3.2 x 4 = 22.9.
+    drive = open_drive(shared_data / "pcd_drive")
+    route = Route.through([[11.5, -7, 0], [11.5, -3, 0], [13.5, -1, 0], [60, -1, 0]])
+    survey = survey_of(drive, route, spacing_m=1.5)
+    road = route_on_road(survey, route)
+    found = sight_distances(survey.scene, road, AASHTO, speed_mps=6.0, step_m=1.0)
+    one = stations_of(found)[2]
+    assert one.place[:2] == pytest.approx([11.5, -5.0])
+    assert one.verdict == "deficient"
+    assert one.possible_m == pytest.approx(2.0 + np.hypot(2, 2) + 9.4, abs=1.6)
+    assert 20.3 < one.blocker[0] < 22.5  # the near end of the car
+    assert -2.4 < one.blocker[1] < -1.5
+    assert classes_of(drive, survey, found.ending_blocker) == ("",) * len(found.chainage_m)
+
+
+@pytest.mark.realdata
+def test_labels_name_what_hides(shared_data: Path) -> None:
+    (log,) = (shared_data / "av2" / "val").iterdir()
+    drive = open_drive(log)
+    frame = drive[drive.frame_numbers[0]]
+    route = Route.through([frame.pose[:3, 3], frame.pose[:3, 3] + [10, 0, 0]])
+    survey = survey_of(drive, route)
+    boxes = [box for box in frame.boxes if box.category == "REGULAR_VEHICLE"][:5]
+    middles = np.array([transform(frame.pose, box.velo_from_box[:3, 3]) for box in boxes])
+    places = np.vstack([middles, np.full((1, 3), np.nan), np.add(middles[:1], [0, 0, 500])])
+    assert classes_of(drive, survey, places) == ("REGULAR_VEHICLE",) * len(boxes) + ("", "")

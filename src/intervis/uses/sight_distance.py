@@ -307,7 +307,7 @@ def _worst_of(
     risk: float,
     moments_s: Float64Array | None,
 ) -> Worst:
-    """State (D,), probability (D,) and blocker (D, 3) at D chainages: the worst over all heights."""
+    """State (D,), probability (D,), blocker (D, 3) at D chainages: the worst over all heights."""
     pairs = [(eye_m, object_m) for eye_m in standard.eye_m for object_m in standard.object_m]
     lines = len(pairs)
     ends = np.stack([road.above(objects_m, object_m) for _, object_m in pairs])

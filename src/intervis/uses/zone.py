@@ -93,9 +93,10 @@ class Zone:
         """Which points (N, 2) lie inside, by the number of edges to their right."""
         inside = np.zeros(len(xy), np.bool_)
         for (x0, y0), (x1, y1) in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
-            spans = (y0 > xy[:, 1]) != (y1 > xy[:, 1])
-            height = (xy[:, 1] - y0) / (y1 - y0 if y1 != y0 else 1.0)
-            inside ^= spans & (xy[:, 0] < x0 + height * (x1 - x0))
+            spans = np.flatnonzero((y0 > xy[:, 1]) != (y1 > xy[:, 1]))  # none if level
+            if len(spans):
+                height = (xy[spans, 1] - y0) / (y1 - y0)
+                inside[spans] ^= xy[spans, 0] < x0 + height * (x1 - x0)
         return inside
 
     def samples(self, scene: Scene) -> Float64Array:
