@@ -9,7 +9,7 @@ VAN = np.array([[22.0, 1.0, 0.0], [26.0, 3.0, 2.4]])
 HEIGHT_M = 1.7
 
 
-def returns(x_m: float) -> np.ndarray:
+def returns(x_m: float, van: np.ndarray | None = VAN) -> np.ndarray:
     """(N, 3) returns in the sensor's frame at x: rays at road, facades (|y| = 9) and van."""
     azimuth = np.radians(np.arange(-180, 180, 0.5))
     elevation = np.radians(np.linspace(-24, 8, 64))
@@ -25,10 +25,11 @@ def returns(x_m: float) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = np.minimum(9.0 / np.abs(rays[:, 1]), 80.0)
         reach = np.minimum(reach, np.where(rays[:, 2] < 0, HEIGHT_M / -rays[:, 2], np.inf))
-        low, high = VAN - [x_m, 0.0, HEIGHT_M]
-        near = np.minimum(low / rays, high / rays).max(axis=1)
-        far = np.maximum(low / rays, high / rays).min(axis=1)
-    reach = np.where((near < far) & (near > 0), np.minimum(reach, near), reach)
+        if van is not None:
+            low, high = van - [x_m, 0.0, HEIGHT_M]
+            near = np.minimum(low / rays, high / rays).max(axis=1)
+            far = np.maximum(low / rays, high / rays).min(axis=1)
+            reach = np.where((near < far) & (near > 0), np.minimum(reach, near), reach)
     return (rays * reach[:, None])[reach < 79.0].astype(np.float32)
 
 

@@ -10,6 +10,7 @@ measured with these scans, engine minus paper in metres (objects 0.5 m apart; -0
 
 import csv
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,7 +32,7 @@ from intervis.lab.worlds.roads import (
     junction_road,
 )
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
-from intervis.transform import transform
+from intervis.transform import rigid, transform
 from intervis.uses.route import Route
 from intervis.uses.sight_distance import NO_TARGET, SightDistances, mean_grade, sight_distances
 from intervis.uses.sight_distance_table import (
@@ -408,3 +409,46 @@ def test_labels_name_what_hides(shared_data: Path) -> None:
     middles = np.array([transform(frame.pose, box.velo_from_box[:3, 3]) for box in boxes])
     places = np.vstack([middles, np.full((1, 3), np.nan), np.add(middles[:1], [0, 0, 500])])
     assert classes_of(drive, survey, places) == ("REGULAR_VEHICLE",) * len(boxes) + ("", "")
+
+
+def scans_of_a_van(there: Callable[[int], bool]) -> Scene:
+    """Twelve scans in 5.5 s, the van is there in some of them."""
+    scene = Scene()
+    for nth in range(12):
+        van = posed_street.VAN if there(nth) else None
+        pose = rigid(np.eye(3), [4.0 + 0.5 * nth, 0.0, posed_street.HEIGHT_M])
+        scene.add(posed_street.returns(pose[0, 3], van), pose, 0.5 * nth)
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("there", "hides_at"),
+    [
+        (lambda nth: True, {"first", "last", "any"}),
+        (lambda nth: nth < 6, {"first"}),  # it leaves
+        (lambda nth: nth >= 6, {"last"}),  # it comes
+        (lambda nth: False, set()),
+    ],
+)
+def test_what_was_seen_through_at_some_moment_does_not_hide(
+    there: Callable[[int], bool], hides_at: set[str]
+) -> None:
+    # The path runs along y = 2 through the van, whose back is at x = 22.
+    scene = scans_of_a_van(there)
+    road = Route.through([[0, 2, 0], [50, 2, 0]])
+    moments_s = {"first": [0.0], "last": [5.5], "any": np.linspace(0.0, 5.5, 8)}
+    for name, times in moments_s.items():
+        found = sight_distances(
+            scene,
+            road,
+            AASHTO,
+            speed_mps=5.0,
+            reach_m=40.0,
+            moments_s=np.tile(times, (10, 1)),
+        )
+        if name in hides_at:
+            np.testing.assert_allclose(found.possible_m[:4], [22, 17, 12, 7], atol=1.01)
+            np.testing.assert_allclose(found.ending_blocker[:4, 0], 22.0, atol=0.5)
+        else:
+            assert not found.is_bounded.any()
+            np.testing.assert_allclose(found.seen_m[:4], [40, 40, 40, 35], atol=1.01)

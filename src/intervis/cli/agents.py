@@ -7,7 +7,7 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import Source
-from intervis.cli.survey import Hz, Risk, returns_above
+from intervis.cli.survey import Hz, Risk, SensorName, returns_above
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def agents(
         str | None, typer.Option(metavar="A:B", help="Frames A to B - 1; default: all.")
     ] = None,
     hz: Hz = None,
+    sensor: SensorName = None,
     risk: Risk = None,
     csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the pairs.")] = None,
     every: Annotated[
@@ -82,7 +83,7 @@ def agents(
     drive = open_drive(source)
     numbers = selected_frames(drive.frame_numbers, frame_range)
     with progress("scans", len(numbers)) as advance:
-        scene = scene_of_drive(drive, numbers, scans_per_s=hz, progress=advance)
+        scene = scene_of_drive(drive, numbers, scans_per_s=hz, sensor=sensor, progress=advance)
     taken = tuple(categories or ()) if labelled else None
     all_agents = _agents(drive, scene, numbers, file, taken, scanner, reach)
     time_s = scene.timestamps_s if has_times(scene) else None

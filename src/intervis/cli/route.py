@@ -12,6 +12,7 @@ from intervis.cli.survey import (
     Hz,
     Risk,
     RouteFile,
+    SensorName,
     Spacing,
     read_survey,
     returns_above,
@@ -69,6 +70,7 @@ def route(
     frames: Frames = None,
     spacing: Spacing = 0.5,
     hz: Hz = None,
+    sensor: SensorName = None,
     risk: Risk = None,
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Write the sightings.")
@@ -106,7 +108,7 @@ def route(
 
     drive = open_drive(source)
     way = route_of(drive, route_file, hz)
-    survey = read_survey(drive, way, frame_range, spacing, hz)
+    survey = read_survey(drive, way, frame_range, spacing, hz, sensor)
     if eye is not None:
         road = route_on_road(survey, way)
         way = road.with_heights(road.points[:, 2] + eye)

@@ -14,6 +14,7 @@ from intervis.cli.survey import (
     Mount,
     Risk,
     RouteFile,
+    SensorName,
     Spacing,
     read_survey,
     returns_above,
@@ -84,6 +85,7 @@ def sightdistance(
     frames: Frames = None,
     spacing: Spacing = 0.5,
     hz: Hz = None,
+    sensor: SensorName = None,
     risk: Risk = None,
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Write the stations.")
@@ -138,7 +140,7 @@ def sightdistance(
     route = route_of(drive, route_file, hz)
     route = route.extended(extend) if extend is not None else route
     route = route.shifted(offset) if offset else route
-    survey = read_survey(drive, route, frame_range, spacing, hz)
+    survey = read_survey(drive, route, frame_range, spacing, hz, sensor)
     road = route_on_road(survey, route, mount)
     road = road.reversed() if back else road
     with progress("stations", len(road.stations(step))) as advance:

@@ -41,6 +41,15 @@ Spacing = Annotated[
 Hz = Annotated[
     float | None, typer.Option(metavar="F", help="Scans a second, where the drive has no times.")
 ]
+SensorName = Annotated[
+    str | None,
+    typer.Option(
+        "--sensor",
+        metavar="NAME",
+        help="HDL-64E, HDL-32E, VLP-16, OS1-128 or generic: sharper than what is derived from each"
+        " scan.",
+    ),
+]
 Risk = Annotated[
     float | None,
     typer.Option(
@@ -67,6 +76,7 @@ def read_survey(
     frames: tuple[int | None, int | None] | None,
     spacing_m: float,
     hz: float | None,
+    sensor: str | None,
 ) -> "Survey":
     """The scans of the chosen frames; the route must not leave them."""
     from intervis.run.stream import selected_frames
@@ -75,7 +85,13 @@ def read_survey(
     numbers = selected_frames(drive.frame_numbers, frames)
     with progress("scans", len(numbers)) as advance:
         survey = survey_of(
-            drive, route, numbers=numbers, spacing_m=spacing_m, scans_per_s=hz, progress=advance
+            drive,
+            route,
+            numbers=numbers,
+            spacing_m=spacing_m,
+            scans_per_s=hz,
+            sensor=sensor,
+            progress=advance,
         )
     check_route_in_survey(survey, route)
     return survey

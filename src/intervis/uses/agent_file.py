@@ -6,7 +6,6 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
 from intervis.drives import Drive
@@ -101,6 +100,8 @@ def _pose(name: str, row: dict[str, float | None], scene: Scene) -> Float64Array
     if z_m is None:
         height_m = row.get("height")
         z_m = _ground(name, row, scene) + (DEFAULT_HEIGHT_M if height_m is None else height_m)
+    from scipy.spatial.transform import Rotation  # 0.4 s to import
+
     turn = Rotation.from_euler("z", row.get("yaw_deg") or 0.0, degrees=True)
     return rigid(turn.as_matrix(), [*_place(name, row), z_m])
 

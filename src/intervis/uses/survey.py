@@ -55,6 +55,7 @@ def survey_of(
     numbers: Sequence[int] | None = None,
     spacing_m: float = 0.0,
     scans_per_s: float | None = None,
+    sensor: str | None = None,
     max_bytes: int = MOST_BYTES,
     progress: Progress | None = None,
 ) -> Survey:
@@ -72,6 +73,8 @@ def survey_of(
         Scans that follow the one before at a smaller distance are left out.
     scans_per_s : float or None
         Gives times to a drive that has none.
+    sensor : str or None
+        Name of a preset of `intervis.Sensor`; None: derived from each scan.
     max_bytes : int
         Memory for scans. It is checked before a second scan is read.
     progress : Progress or None
@@ -83,7 +86,7 @@ def survey_of(
     SceneError
         The scans need more memory.
     SettingsError
-        The spacing is negative.
+        The spacing is negative, or there is no such sensor.
     """
     chosen = _spaced(drive, list(drive.frame_numbers if numbers is None else numbers), spacing_m)
     road = RoadSurface(route)
@@ -91,6 +94,7 @@ def survey_of(
         drive,
         chosen,
         scans_per_s=scans_per_s,
+        sensor=sensor,
         max_bytes=max_bytes,
         use=road.add,
         progress=progress,
@@ -103,6 +107,7 @@ def scene_of_drive(
     numbers: Sequence[int],
     *,
     scans_per_s: float | None = None,
+    sensor: str | None = None,
     max_bytes: int = MOST_BYTES,
     use: Callable[[Float64Array, Float64Array], None] | None = None,
     progress: Progress | None = None,
@@ -111,7 +116,7 @@ def scene_of_drive(
 
     Parameters
     ----------
-    drive, scans_per_s, max_bytes, progress
+    drive, scans_per_s, sensor, max_bytes, progress
         See `survey_of`.
     numbers : sequence of int
         Frames to read.
@@ -125,7 +130,8 @@ def scene_of_drive(
     """
     chosen = _spaced(drive, list(numbers), 0.0)
     time_s = frame_times_s(drive, chosen, scans_per_s)
-    scene, report = Scene(max_scans=len(chosen), max_bytes=max_bytes), progress or silent
+    scene = Scene(sensor=sensor, max_scans=len(chosen), max_bytes=max_bytes)
+    report = progress or silent
     for nth, number in enumerate(chosen):
         frame = drive[number]
         assert frame.pose is not None  # as _spaced has checked

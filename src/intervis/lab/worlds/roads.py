@@ -73,9 +73,15 @@ class RoadWorld:
             points, _ = Scanner(columns=columns).scan(self.snapshot, pose, rng)
             yield points, pose
 
-    def scene(self, spacing_m: float, rng: np.random.Generator, columns: int = 1000) -> Scene:
-        """A scene of these scans."""
-        scene = Scene(max_scans=10_000, max_bytes=1 << 31)
+    def scene(
+        self,
+        spacing_m: float,
+        rng: np.random.Generator,
+        columns: int = 1000,
+        sensor: str | None = None,
+    ) -> Scene:
+        """A scene of these scans; `sensor` as in `Scene`."""
+        scene = Scene(sensor=sensor, max_scans=10_000, max_bytes=1 << 31)
         for points, pose in self.scans(spacing_m, rng, columns):
             scene.add(points, pose)
         return scene
