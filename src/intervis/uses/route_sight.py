@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from intervis.arrays import BoolArray, Float32Array, Float64Array
+from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.progress import Progress, silent
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
@@ -93,15 +93,23 @@ def route_sight(
         )
     state = np.empty((len(eyes), len(targets)), np.int8)
     probability = np.empty(state.shape, np.float32)
+    order = _by_direction(eyes, targets)
+    in_order = targets[order]
     for begin, end in batches(len(eyes), len(targets), moments_s is not None):
         part = slice(begin, end)
         moment_s = None if moments_s is None else float(moments_s[begin])
-        sight = scene.sight(eyes[part], targets, max_range_m=range_m, risk=risk, moment_s=moment_s)
-        far = np.linalg.norm(targets - eyes[part, None], axis=2) > range_m
-        state[part] = np.where(far, OUT_OF_RANGE, sight.state)
-        probability[part] = sight.probability
+        sight = scene.sight(eyes[part], in_order, max_range_m=range_m, risk=risk, moment_s=moment_s)
+        far = np.linalg.norm(in_order - eyes[part, None], axis=2) > range_m
+        state[part, order] = np.where(far, OUT_OF_RANGE, sight.state)
+        probability[part, order] = sight.probability
         (progress or silent)(f"place {end} of {len(eyes)}")
     return RouteSight(eyes, targets, state, probability)
+
+
+def _by_direction(eyes: Float64Array, targets: Float64Array) -> IntArray:
+    """Order (M,) of the targets around the route: neighbouring lines read the same pixels."""
+    x, y = (targets - eyes.mean(axis=0)).T[:2] if len(eyes) else targets.T[:2]
+    return np.argsort(np.arctan2(y, x), kind="stable")
 
 
 def batches(places: int, targets: int, with_moments: bool) -> list[tuple[int, int]]:
