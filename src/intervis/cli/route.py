@@ -184,7 +184,9 @@ def _write(
         from intervis.plots.style import save_figure
         from intervis.uses.route_figure import route_picture
 
-        figure = route_picture(answer, returns_above(drive, survey.frames))
+        figure = route_picture(
+            answer, returns_above(drive, survey.frames), survey.height_above_road(answer.route)
+        )
         save_figure(figure, picture, picture.suffix[1:].lower())
     for name, path in (
         *(("Sightings", csv), ("Shares", shares)),

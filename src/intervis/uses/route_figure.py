@@ -22,11 +22,9 @@ STATES = (
 )
 MOST_BARS = 40
 """With more targets the bars are those of the longest sightings."""
-ROAD_BELOW_M = 1.5
-"""Scanners and eyes are about so high above the road: what is drawn of the ground depends on it."""
 
 
-def route_picture(answer: RouteAnswer, returns: Float64Array) -> "Figure":
+def route_picture(answer: RouteAnswer, returns: Float64Array, eye_m: float = 1.5) -> "Figure":
     """Plan with the targets or zones, and states over chainage.
 
     Parameters
@@ -34,6 +32,8 @@ def route_picture(answer: RouteAnswer, returns: Float64Array) -> "Figure":
     answer : RouteAnswer
     returns : (N, 3) float64 array
         Returns to draw in the plan, scene frame.
+    eye_m : float
+        Height of the route above the road, whose returns are left out.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def route_picture(answer: RouteAnswer, returns: Float64Array) -> "Figure":
     shown = np.sort(shown)
     ratios = [6.4 * plan.aspect, 0.6 + 0.2 * len(shown)]
     with page_figure(sum(ratios) + 1.2, nrows=2, height_ratios=ratios) as (figure, axes):
-        plan.draw(axes[0], returns, ROAD_BELOW_M)
+        plan.draw(axes[0], returns, eye_m)
         _draw_targets(axes[0], answer, plan)
         _draw_bars(axes[1], answer, shown)
         legend_below(figure, axes[1])

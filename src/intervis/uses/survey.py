@@ -47,6 +47,14 @@ class Survey:
     frames: tuple[int, ...]
     road: RoadSurface
 
+    def height_above_road(self, route: Route) -> float:
+        """Median height of a route above the road below it; 1.5 m where the scans show none."""
+        above_m = route.points[:, 2] - self.road.heights(
+            np.minimum(route.chainage_m, route.length_m)
+        )
+        known = above_m[np.isfinite(above_m)]
+        return float(np.median(known)) if len(known) else 1.5
+
 
 def survey_of(
     drive: Drive,
