@@ -181,6 +181,9 @@ def test_agents_of_a_file(tmp_path: Path, scene: Scene) -> None:
         ("name,x,y,z\na,1,two,3\n", CalibrationError, "agent 1: y must be a number, got 'two'"),
         ("name,x,y,z\npole,1,,3\n", PointsError, "agent 'pole' has no place: give x and y"),
         ("name,x,y,z\na,1,2,3\na,1,3,3\n", PointsError, "each needs a frame number of its own"),
+        ("name,x,y,frame\na,1,2,1.5\n", PointsError, "each needs a frame number of its own"),
+        ("name,x,y\na,1,2,3\n", CalibrationError, "a row has more values than the heading"),
+        ("name,x,y,z\na,900,0,3\n", PointsError, "stands 888 m from every scan"),
         ("name,x,y,z,fov_deg\na,1,2,3,400\n", PointsError, "up to 360 degrees, got 400"),
     ],
 )

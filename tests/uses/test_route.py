@@ -66,8 +66,9 @@ def test_a_standing_vehicle_and_speeds() -> None:
     [
         (([[0, 0, 0]],), "needs two places"),
         (([[0, 0, 0], [0.1, 0, 0]],), "needs two places that are 0.2 m apart"),
-        (([[0, 0], [5, 0]],), r"finite, with the shape \(N, 3\)"),
-        (([[0, 0, 0], [np.nan, 0, 0]],), "must be finite"),
+        (([[0, 0], [5, 0]],), r"must have the shape \(N, 3\)"),
+        (([[0, 0, 0], [np.nan, 0, 0]],), r"must have the shape \(N, 3\)"),
+        (([[0, 0, 0], [1e300, 0, 0]],), "in metres up to 1e"),
     ],
 )
 def test_places_that_are_no_route_are_told(arguments, message: str) -> None:
@@ -83,6 +84,8 @@ def test_tracks_out_of_order_are_told() -> None:
         Route.through(places, time_s=[0.0, 2.0])
     with pytest.raises(PointsError, match="speeds of a route must be positive"):
         Route.through(places, speed_mps=[1.0, 0.0, 1.0])
+    with pytest.raises(SettingsError, match="the offset must be a finite number"):
+        Route.through(places).shifted(np.nan)
     with pytest.raises(SettingsError, match="too many"):
         Route.through(places).stations(1e-9)
 

@@ -224,6 +224,7 @@ def test_the_command_with_zones(street: Path, tmp_path: Path, capsys) -> None:
         (["--targets", "t.csv", "--shares", "s.csv"], "--shares writes the shares of zones"),
         (["--targets", "t.csv", "--moments", "any"], "--moments must be one of map, pose"),
         (["--targets", "t.csv", "--least", "2"], "--least must be a share"),
+        (["--targets", "t.csv", "--eye", "nan"], "--eye must be from 0 to 100 m, got nan"),
         (["--targets", "nothing.csv"], "there are no targets at nothing.csv"),
         (["--targets", "nothing.csv", "--route", "no.txt"], "there is no route at no.txt"),
     ],

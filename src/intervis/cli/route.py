@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from intervis.uses.route_answer import RouteAnswer
     from intervis.uses.survey import Survey
 
-SHOWN_ROWS = 40
+SHOWN_ROWS, HIGHEST_M = 40, 100.0
 MOMENTS = ("map", "pose")
 
 
@@ -93,6 +93,8 @@ def route(
         raise SettingsError("give either --targets FILE or --zones FILE.geojson.")
     if moments not in MOMENTS:
         raise SettingsError(f"--moments must be one of {', '.join(MOMENTS)}, got {moments!r}.")
+    if eye is not None and not 0.0 <= eye <= HIGHEST_M:
+        raise SettingsError(f"--eye must be from 0 to {HIGHEST_M:g} m, got {eye}.")
     if not 0.0 < least <= 1.0:
         raise SettingsError(f"--least must be a share above 0 and up to 1, got {least}.")
     if shares is not None and zones is None:

@@ -14,6 +14,8 @@ from intervis.errors import CalibrationError, DriveError, PointsError
 from intervis.sight import Scene
 from intervis.transform import rigid
 from intervis.uses.agents import Agent
+from intervis.uses.survey import distance_to_scans
+from intervis.uses.target_file import FARTHEST_M
 
 COLUMNS = (
     *("name", "x", "y", "z", "height", "yaw_deg", "fov_deg", "range_m", "frame"),
@@ -40,12 +42,15 @@ def read_agents(path: Path, scene: Scene) -> list[Agent]:
     CalibrationError
         The heading or a value is wrong.
     PointsError
-        As `Agent`; or an agent has rows with and without a frame, or two for one.
+        As `Agent`; or an agent has rows with and without a frame, or two for one, or stands more
+        than 150 m from every scan.
     """
     if not path.exists():
         raise DriveError(f"there are no agents at {path}: check the path.")
     lines = [line for line in read_lines(path) if line.strip()]
     rows = list(csv.DictReader(lines, skipinitialspace=True))
+    if any(None in row for row in rows):
+        raise CalibrationError(f"{path}: a row has more values than the heading.")
     heads = set(rows[0]) if rows else set()
     if not {"name", "x", "y"} <= heads or not heads <= set(COLUMNS):
         raise CalibrationError(
@@ -75,15 +80,22 @@ def _number(path: Path, nth: int, key: str, text: str | None) -> float | None:
 def _agent(name: str, rows: Sequence[dict[str, float | None]], scene: Scene) -> Agent:
     frames = [row.get("frame") for row in rows]
     poses = [_pose(name, row, scene) for row in rows]
+    away_m = distance_to_scans(scene, np.array([pose[:3, 3] for pose in poses]))
+    if (away_m > FARTHEST_M).any():
+        raise PointsError(
+            f"agent {name!r} stands {away_m.max():,.0f} m from every scan: give its place in the"
+            " frame of the drive's poses."
+        )
     first = {key: value for key, value in rows[0].items() if value is not None}
     look = {key: first.get(key, DEFAULTS[key]) for key in ("fov_deg", "range_m")}
     body = _body(first, poses[0][2, 3] - _ground(name, rows[0], scene))
     if frames == [None]:
         return Agent(name, poses[0], body=body, **look)
-    numbers = [int(frame) for frame in frames if frame is not None]
+    numbers = [int(frame) for frame in frames if frame is not None and frame.is_integer()]
     if len(set(numbers)) < len(rows):
         raise PointsError(
-            f"agent {name!r} has {len(rows)} rows: each needs a frame number of its own."
+            f"agent {name!r} has {len(rows)} row{'s' if len(rows) > 1 else ''}: each needs a frame"
+            " number of its own, or one row has none."
         )
     return Agent(name, dict(zip(numbers, poses, strict=True)), body=body, **look)
 

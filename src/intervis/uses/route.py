@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from intervis.arrays import Float64Array, array_of
+from intervis.drives.trajectory import FARTHEST_M
 from intervis.errors import PointsError, SettingsError
-from intervis.sight.query_checks import positive_length
+from intervis.sight.query_checks import finite_number, positive_length
 
 LEAST_SPACING_M = 0.2
 """Places nearer to the one before are left out: a standing vehicle has no direction."""
@@ -76,8 +77,10 @@ class Route:
             positive, or less than two places apart.
         """
         xyz = array_of(points, "the places of a route").astype(np.float64)
-        if xyz.ndim != 2 or xyz.shape[1] != 3 or not np.isfinite(xyz).all():
-            raise PointsError("the places of a route must be finite, with the shape (N, 3).")
+        if xyz.ndim != 2 or xyz.shape[1] != 3 or not (np.abs(xyz) <= FARTHEST_M).all():
+            raise PointsError(
+                f"the places of a route must have the shape (N, 3), in metres up to {FARTHEST_M:g}."
+            )
         times = _column(time_s, len(xyz), "times")
         step_s = np.diff(times)
         if (step_s <= 0).any():
@@ -185,7 +188,8 @@ class Route:
         best = np.linalg.norm(apart, axis=2).argmin(axis=1)
         row = np.arange(len(xy))
         along, step, apart = along[row, best], step[row, best], apart[row, best]
-        side = np.sign(step[:, 0] * apart[:, 1] - step[:, 1] * apart[:, 0])
+        # Beyond an end the nearest place is the end: the offset is the distance to it there.
+        side = np.where(step[:, 0] * apart[:, 1] < step[:, 1] * apart[:, 0], -1.0, 1.0)
         chainage_m = self.chainage_m[segments[row, best]] + along * length_m[row, best]
         return chainage_m, side * np.linalg.norm(apart, axis=1)
 
@@ -199,7 +203,14 @@ class Route:
         )
 
     def shifted(self, offset_m: float) -> Route:
-        """The route moved sideways, positive to the left; chainages, speeds and times stay."""
+        """The route moved sideways, positive to the left; chainages, speeds and times stay.
+
+        Raises
+        ------
+        SettingsError
+            The offset is not finite.
+        """
+        offset_m = finite_number("the offset", offset_m, "metres")
         tangent = np.gradient(self.points[:, :2], self.chainage_m, axis=0)
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         moved = self.points.copy()

@@ -1,6 +1,7 @@
 """Routes from files: poses of KITTI and TUM, way points as CSV."""
 
 import csv
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from intervis.arrays import Float64Array
 from intervis.drives import Drive
 from intervis.drives.calibration import COMMENT, parse_numbers, read_lines
 from intervis.drives.trajectory import read_poses
-from intervis.errors import CalibrationError, DriveError, PointsError
+from intervis.errors import CalibrationError, DriveError, PointsError, SettingsError
 from intervis.uses.route import Route
 
 KMH_PER_MPS = 3.6
@@ -46,13 +47,21 @@ def route_of_drive(drive: Drive, scans_per_s: float | None = None) -> Route:
 def frame_times_s(
     drive: Drive, numbers: list[int], scans_per_s: float | None = None
 ) -> Float64Array | None:
-    """Times (N,) of frames, seconds after the first frame of the drive; None without times."""
+    """Times (N,) of frames, seconds after the first frame of the drive; None without times.
+
+    Raises
+    ------
+    SettingsError
+        `scans_per_s` is not positive.
+    """
     known = drive.timestamps_ns
     if all(number in known for number in numbers):
         start_ns = min(known.values())
         return np.array([1e-9 * (known[number] - start_ns) for number in numbers])
     if scans_per_s is None:
         return None
+    if not (scans_per_s > 0.0 and math.isfinite(scans_per_s)):
+        raise SettingsError(f"the scans a second must be positive, got {scans_per_s:g}.")
     first = drive.frame_numbers[0]
     return np.array([(number - first) / scans_per_s for number in numbers])
 

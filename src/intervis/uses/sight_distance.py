@@ -16,7 +16,7 @@ from intervis.errors import PointsError, SettingsError
 from intervis.progress import Progress, silent
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
 from intervis.sight.occupancy_model import DEFAULT_RISK
-from intervis.sight.query_checks import positive_length
+from intervis.sight.query_checks import finite_number, positive_length
 from intervis.uses.route import Route
 from intervis.uses.sight_standard import SightStandard
 
@@ -26,6 +26,7 @@ REACH = 1.5
 """Objects are placed up to this multiple of the largest required distance."""
 LEAST_GRADE_M = 10.0
 """Least length over which a grade is taken."""
+FASTEST_MPS = 100.0
 NO_TARGET = -2
 """State of objects beyond the end of the path."""
 MOST_LINES = 50_000_000
@@ -221,7 +222,7 @@ def sight_distances(
     Raises
     ------
     SettingsError
-        The route has no speeds and none is given, a length is not positive, or there are too many
+        The route has no speeds and none is given, a number is out of range, or there are too many
         lines.
     PointsError
         The path has no height somewhere, or is too short for an object ahead.
@@ -230,6 +231,9 @@ def sight_distances(
     """
     if not np.isfinite(road.points).all():
         raise PointsError("the path has places without a height.")
+    ignore_m = finite_number("ignore_m", ignore_m, "metres")
+    if ignore_m < 0.0:
+        raise SettingsError(f"ignore_m must be 0 or more metres, got {ignore_m:g}.")
     chainage_m = road.stations(step_m)
     chainage_m = chainage_m[chainage_m + NEAREST_M <= road.length_m]
     if not len(chainage_m):
@@ -272,7 +276,12 @@ def sight_distances(
 def _speeds(road: Route, chainage_m: Float64Array, speed_mps: float | None) -> Float64Array:
     """Speeds (S,) of the stations."""
     if speed_mps is not None:
-        return np.full(len(chainage_m), positive_length("speed", speed_mps))
+        if not 0.0 < speed_mps <= FASTEST_MPS:
+            raise SettingsError(
+                f"the speed must be above 0 and up to {FASTEST_MPS:g} m/s (360 km/h), got"
+                f" {speed_mps:.4g} m/s."
+            )
+        return np.full(len(chainage_m), speed_mps)
     speeds = road.speed_at(chainage_m)
     if not np.isfinite(speeds).all():
         raise SettingsError("the route has no speeds: give one for the whole of it.")

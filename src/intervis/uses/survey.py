@@ -12,6 +12,7 @@ from intervis.drives import Drive
 from intervis.errors import DriveError, SceneError, SettingsError
 from intervis.progress import Progress, silent
 from intervis.sight import Scene
+from intervis.sight.query_checks import finite_number
 from intervis.transform import inverse, transform
 from intervis.uses.objects import category_at
 from intervis.uses.road_surface import RoadSurface
@@ -221,8 +222,11 @@ def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -
     ------
     SceneError
         The scans show the road along less than 30 % of the route.
+    SettingsError
+        The height is not finite.
     """
     if height_m is not None:
+        height_m = finite_number("the height of the route", height_m, "metres")
         return route.with_heights(route.points[:, 2] - height_m)
     if survey.road.known_share < LEAST_ROAD:
         raise SceneError(

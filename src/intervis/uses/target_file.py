@@ -42,6 +42,8 @@ def read_targets(path: Path) -> tuple[list[str], Float64Array]:
     rows = list(csv.DictReader(lines, skipinitialspace=True))
     if not rows or not {"x", "y", "z"} <= set(rows[0]):
         raise CalibrationError(f"{path}: targets need a heading with x, y, z, and rows below it.")
+    if any(None in row for row in rows):
+        raise CalibrationError(f"{path}: a row has more values than the heading.")
     names = [row.get("name") or str(nth) for nth, row in enumerate(rows, start=1)]
     return names, np.array([_place(path, nth, row) for nth, row in enumerate(rows, start=1)])
 
