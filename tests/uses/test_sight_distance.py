@@ -301,6 +301,7 @@ def test_an_envelope_takes_the_worst_line() -> None:
         ({"speed_mps": 5.0, "reach_m": 2.0}, SettingsError, "reach_m must be 5 m or more"),
         ({"speed_mps": 5.0, "target_step_m": 1e-7}, SettingsError, "lines are asked, and at most"),
         ({"speed_mps": 5.0, "moments_s": np.zeros((6, 1))}, SceneError, "time of every scan"),
+        ({"speed_mps": 5.0, "moments_s": [[0.0]]}, SettingsError, "a row for each of 6 stations"),
         ({"speed_mps": 5.0, "risk": 0.5}, SettingsError, "risk"),
     ],
 )

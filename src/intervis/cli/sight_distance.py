@@ -116,24 +116,12 @@ def sightdistance(
         reaction_s=reaction,
         braking=braking,
     )
-    if moments not in MOMENTS:
-        from intervis.errors import SettingsError
-
-        raise SettingsError(f"--moments must be one of {', '.join(MOMENTS)}, got {moments!r}.")
     frame_range = options.frame_range(frames)
-    options.check_output_files({"--csv": csv, "--geojson": geojson, "--picture": picture})
-    options.check_picture_file(picture)
-    if worst is not None:
-        from intervis.files import make_folder
-        from intervis.plots.style import require_matplotlib
-
-        require_matplotlib()
-        make_folder(worst)
+    _check(moments, {"--csv": csv, "--geojson": geojson, "--picture": picture}, worst)
 
     from intervis.drives import open_drive
     from intervis.sight.occupancy_model import DEFAULT_RISK
     from intervis.uses.sight_distance import sight_distances
-    from intervis.uses.sight_distance_table import station_table, summary
     from intervis.uses.survey import classes_of, route_on_road
 
     drive = open_drive(source)
@@ -159,11 +147,7 @@ def sightdistance(
         )
     found = replace(found, blocker_class=classes_of(drive, survey, found.ending_blocker))
     show(f"{drive.name}, {len(survey.frames)} scans, path of {road.length_m:.0f} m; {chosen.note}")
-    table = station_table(found)
-    show(replace(table, rows=table.rows[:SHOWN_ROWS]).as_text())
-    if len(table.rows) > SHOWN_ROWS:
-        show(f"and {len(table.rows) - SHOWN_ROWS} more: --csv writes all.")
-    show(summary(found))
+    _show(found)
     _write(found, survey, drive, csv, geojson, picture, worst)
 
 
@@ -171,6 +155,32 @@ MOMENTS = ("map", "pose", "any")
 SHOWN_ROWS = 60
 MOST_PICTURES, NEAR_SCANS = 6, 3
 """Pictures of the worst places at most, and scans that are drawn in each."""
+
+
+def _check(moments: str, outputs: dict[str, Path | None], worst: Path | None) -> None:
+    """Check before the work what can be checked."""
+    from intervis.errors import SettingsError
+
+    if moments not in MOMENTS:
+        raise SettingsError(f"--moments must be one of {', '.join(MOMENTS)}, got {moments!r}.")
+    options.check_output_files(outputs)
+    options.check_picture_file(outputs["--picture"])
+    if worst is not None:
+        from intervis.files import make_folder
+        from intervis.plots.style import require_matplotlib
+
+        require_matplotlib()
+        make_folder(worst)
+
+
+def _show(found: "SightDistances") -> None:
+    from intervis.uses.sight_distance_table import station_table, summary
+
+    table = station_table(found)
+    show(replace(table, rows=table.rows[:SHOWN_ROWS]).as_text())
+    if len(table.rows) > SHOWN_ROWS:
+        show(f"and {len(table.rows) - SHOWN_ROWS} more: --csv writes all.")
+    show(summary(found))
 
 
 def _moments(name: str, survey: "Survey", road: "Route", step_m: float) -> "Float64Array | None":

@@ -153,38 +153,49 @@ def mutual_sight(
             f"{len(names):,} agents in {len(frames):,} frames are too many: take fewer frames."
         )
     shape = (len(frames), len(names), len(names))
-    reason = np.full(shape, ABSENT, np.int8)
-    eyes = np.full((*shape[:2], 3), np.nan)
-    probability, range_m = np.full(shape, np.nan), np.full(shape, np.nan)
-    blocker = np.full((*shape, 3), np.nan)
-    for nth, number in enumerate(frames):
-        poses = [agent.pose_at(number) for agent in agents]
-        here = [a for a, pose in enumerate(poses) if pose is not None]
-        for a in here:
-            eyes[nth, a] = poses[a][:3, 3]  # type: ignore[index]
-        pairs = [(a, b) for a in here for b in here if a < b]
-        if not pairs:
-            continue
-        lines = np.array([_clear_of_bodies(agents, poses, a, b) for a, b in pairs])
-        moment_s = None if time_s is None else float(time_s[nth])
-        sight = scene.sight_lines(lines[:, 0], lines[:, 1], risk=risk, moment_s=moment_s)
-        for (a, b), one in zip(pairs, sight, strict=True):
-            state = int(one.state)
-            line = SEES if state == VISIBLE else HIDDEN if state == OCCLUDED else NOT_KNOWN
-            for x, y in ((a, b), (b, a)):
-                reason[nth, x, y] = _reason(agents[x], poses[x], eyes[nth, y], line)
-                probability[nth, x, y] = float(one.probability)
-                range_m[nth, x, y] = float(np.linalg.norm(eyes[nth, a] - eyes[nth, b]))
-                blocker[nth, x, y] = one.blocker
-    times = np.full(len(frames), np.nan) if time_s is None else time_s
-    return MutualSight(
-        *(names, np.asarray(frames, np.int64), times, eyes, reason, probability, range_m, blocker)
+    found = MutualSight(
+        names,
+        np.asarray(frames, np.int64),
+        np.full(len(frames), np.nan) if time_s is None else time_s,
+        np.full((*shape[:2], 3), np.nan),
+        np.full(shape, ABSENT, np.int8),
+        *(np.full(shape, np.nan), np.full(shape, np.nan), np.full((*shape, 3), np.nan)),
     )
+    for nth in range(len(frames)):
+        _ask_frame(scene, agents, found, nth, None if time_s is None else float(time_s[nth]), risk)
+    return found
 
 
-def _reason(agent: Agent, pose: Float64Array | None, other: Float64Array, line: int) -> int:
+def _ask_frame(
+    scene: Scene,
+    agents: Sequence[Agent],
+    found: MutualSight,
+    nth: int,
+    moment_s: float | None,
+    risk: float,
+) -> None:
+    """Fill one frame of the answers."""
+    poses = [agent.pose_at(int(found.frames[nth])) for agent in agents]
+    here = {a: pose for a, pose in enumerate(poses) if pose is not None}
+    for a, pose in here.items():
+        found.eyes[nth, a] = pose[:3, 3]
+    pairs = [(a, b) for a in here for b in here if a < b]
+    if not pairs:
+        return
+    lines = np.array([_clear_of_bodies(agents[a], here[a], agents[b], here[b]) for a, b in pairs])
+    sight = scene.sight_lines(lines[:, 0], lines[:, 1], risk=risk, moment_s=moment_s)
+    for (a, b), one in zip(pairs, sight, strict=True):
+        state = int(one.state)
+        line = SEES if state == VISIBLE else HIDDEN if state == OCCLUDED else NOT_KNOWN
+        for x, y in ((a, b), (b, a)):
+            found.reason[nth, x, y] = _reason(agents[x], here[x], found.eyes[nth, y], line)
+            found.probability[nth, x, y] = float(one.probability)
+            found.range_m[nth, x, y] = np.linalg.norm(found.eyes[nth, a] - found.eyes[nth, b])
+            found.blocker[nth, x, y] = one.blocker
+
+
+def _reason(agent: Agent, pose: Float64Array, other: Float64Array, line: int) -> int:
     """Why an agent sees another one or not, given the state of the line."""
-    assert pose is not None
     local = transform(inverse(pose), other)
     if np.linalg.norm(local) > agent.range_m:
         return FAR
@@ -193,21 +204,21 @@ def _reason(agent: Agent, pose: Float64Array | None, other: Float64Array, line: 
 
 
 def _clear_of_bodies(
-    agents: Sequence[Agent], poses: Sequence[Float64Array | None], a: int, b: int
+    one: Agent, one_pose: Float64Array, other: Agent, other_pose: Float64Array
 ) -> Float64Array:
     """(2, 3) ends of the line between two agents, outside of their bodies.
 
     NaN, hence unknown, where the bodies leave nothing of it.
     """
-    start, end = poses[a][:3, 3], poses[b][:3, 3]  # type: ignore[index]
-    leaves = _way_out(agents[a], poses[a], end)
-    enters = 1.0 - _way_out(agents[b], poses[b], start)
+    start, end = one_pose[:3, 3], other_pose[:3, 3]
+    leaves = _way_out(one, one_pose, end)
+    enters = 1.0 - _way_out(other, other_pose, start)
     if leaves >= enters:
         return np.full((2, 3), np.nan)
     return np.stack([start + leaves * (end - start), start + enters * (end - start)])
 
 
-def _way_out(agent: Agent, pose: Float64Array | None, towards: Float64Array) -> float:
+def _way_out(agent: Agent, pose: Float64Array, towards: Float64Array) -> float:
     """Share of the line from an agent's eye to a point that lies in its body; 0 without one.
 
     Examples
@@ -218,7 +229,6 @@ def _way_out(agent: Agent, pose: Float64Array | None, towards: Float64Array) -> 
     """
     if agent.body is None:
         return 0.0
-    assert pose is not None
     step = transform(inverse(pose), towards)
     low, high = agent.body[0] - BODY_MARGIN_M, agent.body[1] + BODY_MARGIN_M
     if (low > 0).any() or (high < 0).any():

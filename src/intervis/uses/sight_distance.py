@@ -243,20 +243,13 @@ def sight_distances(
     speeds = _speeds(road, chainage_m, speed_mps)
     grade = mean_grade(road, chainage_m, standard.stopping_m(speeds))
     required_m = standard.stopping_m(speeds, grade)
-    reach_m = _reach_m(road, required_m) if reach_m is None else positive_length("reach_m", reach_m)
-    step = positive_length("target_step_m", target_step_m)
-    farthest_m = min(reach_m, road.length_m)
-    lines = len(chainage_m) * len(standard.eye_m) * len(standard.object_m)
-    lines *= max(int((farthest_m - NEAREST_M) / step + 1.0), 0)
-    if lines > MOST_LINES:
-        raise SettingsError(
-            f"{lines:,} lines are asked, and at most {MOST_LINES:,} are answered: take larger steps"
-            " or a shorter reach."
-        )
-    if not lines:
-        raise SettingsError(f"reach_m must be {NEAREST_M:g} m or more, where objects start.")
-    distance_m = np.arange(NEAREST_M, farthest_m + 1e-9, step)
+    heights = len(standard.eye_m) * len(standard.object_m)
+    distance_m = _object_distances(
+        road, required_m, reach_m, target_step_m, len(chainage_m) * heights
+    )
     moments = None if moments_s is None else np.asarray(moments_s, np.float64)
+    if moments is not None and (moments.ndim != 2 or len(moments) < len(chainage_m)):
+        raise SettingsError(f"moments_s needs a row for each of {len(chainage_m)} stations.")
     shape = (len(chainage_m), len(distance_m))
     state, probability = np.full(shape, NO_TARGET, np.int8), np.full(shape, np.nan)
     blocker = np.full((*shape, 3), np.nan)
@@ -273,6 +266,27 @@ def sight_distances(
     )
 
 
+def _object_distances(
+    road: Route, required_m: Float64Array, reach_m: float | None, step_m: float, lines: int
+) -> Float64Array:
+    """Distances (D,) of the objects from a station; `lines` are asked for each of them."""
+    if reach_m is None:
+        finite = required_m[np.isfinite(required_m)]
+        reach_m = REACH * float(finite.max()) if len(finite) else road.length_m
+        reach_m = max(reach_m, 2 * NEAREST_M)
+    step = positive_length("target_step_m", step_m)
+    farthest_m = min(positive_length("reach_m", reach_m), road.length_m)
+    if farthest_m < NEAREST_M:
+        raise SettingsError(f"reach_m must be {NEAREST_M:g} m or more, where objects start.")
+    lines *= int((farthest_m - NEAREST_M) / step + 1.0)
+    if lines > MOST_LINES:
+        raise SettingsError(
+            f"{lines:,} lines are asked, and at most {MOST_LINES:,} are answered: take larger steps"
+            " or a shorter reach."
+        )
+    return np.arange(NEAREST_M, farthest_m + 1e-9, step)
+
+
 def _speeds(road: Route, chainage_m: Float64Array, speed_mps: float | None) -> Float64Array:
     """Speeds (S,) of the stations."""
     if speed_mps is not None:
@@ -286,11 +300,6 @@ def _speeds(road: Route, chainage_m: Float64Array, speed_mps: float | None) -> F
     if not np.isfinite(speeds).all():
         raise SettingsError("the route has no speeds: give one for the whole of it.")
     return speeds
-
-
-def _reach_m(road: Route, required_m: Float64Array) -> float:
-    finite = required_m[np.isfinite(required_m)]
-    return max(REACH * float(finite.max()), 2 * NEAREST_M) if len(finite) else road.length_m
 
 
 def mean_grade(road: Route, chainage_m: Float64Array, over_m: Float64Array) -> Float64Array:
