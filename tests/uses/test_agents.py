@@ -64,12 +64,12 @@ def test_lines_are_those_of_the_scene(scene: Scene) -> None:
     rng = np.random.default_rng(4)
     places = rng.uniform([0, -6, 0.4], [30, 6, 2.2], (7, 3))
     agents = [Agent(f"a{nth}", at(*place)) for nth, place in enumerate(places)]
-    found = mutual_sight(scene, agents, [2], np.array([0.2]))
+    found = mutual_sight(scene, agents, [2], np.array([0.2]), risk=0.02)
     states = {"visible": 1, "occluded": 0, "unknown": -1}
     for a, start in enumerate(places):
         for b, end in enumerate(places):
             if a != b:
-                one = scene.sight(start, end[None], moment_s=0.2)
+                one = scene.sight(start, end[None], moment_s=0.2, risk=0.02)
                 assert states[word(found, f"a{a}", f"a{b}")] == one.state[0]
                 assert found.range_m[0, a, b] == pytest.approx(np.linalg.norm(start - end))
 

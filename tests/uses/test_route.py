@@ -55,6 +55,9 @@ def test_a_standing_vehicle_and_speeds() -> None:
     assert route.speed_mps[0] == pytest.approx(10.0)
     assert route.speed_mps[-1] == pytest.approx(5.0)
     assert route.time_at(1.5) == pytest.approx(0.15)
+    np.testing.assert_allclose(
+        Route.through([[0, 0, 0], [6, 0, 0], [16, 0, 10]]).extended(5.0).points[-1], [21, 0, 15]
+    )
     longer = route.extended(10.0)
     assert longer.length_m == pytest.approx(13.1)
     assert longer.speed_at(13.0) == pytest.approx(5.0)

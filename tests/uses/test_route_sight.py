@@ -53,11 +53,11 @@ def test_states_are_those_of_single_lines(scene: Scene, with_times: bool) -> Non
     targets[7] = NAN
     eyes = ROUTE.at(ROUTE.stations(3.0))
     moments_s = ROUTE.time_at(ROUTE.stations(3.0)) if with_times else None
-    found = route_sight(scene, eyes, targets, max_range_m=25.0, moments_s=moments_s)
+    found = route_sight(scene, eyes, targets, max_range_m=25.0, moments_s=moments_s, risk=0.02)
     for p, eye in enumerate(eyes):
         moment_s = None if moments_s is None else float(moments_s[p])
         for m, target in enumerate(targets):
-            one = scene.sight(eye, target[None], moment_s=moment_s)
+            one = scene.sight(eye, target[None], moment_s=moment_s, risk=0.02)
             far = np.linalg.norm(target - eye) > 25.0
             assert found.state[p, m] == (OUT_OF_RANGE if far else one.state[0])
             if not far:
