@@ -272,16 +272,14 @@ def test_an_envelope_takes_the_worst_line() -> None:
     lines = {"speed_mps": 5.0, "reach_m": 25.0, "target_step_m": 4.0, "step_m": 8.0}
     over = AASHTO.changed(eye_m=(1.08, 3.0), object_m=(0.6, 4.0))
     scene = wall_scene()
-    found = sight_distances(scene, road, over, **lines, risk=0.02)
+    found = sight_distances(scene, road, over, **lines, risk=0.1)
     for nth, at_m in enumerate(found.chainage_m):
         for k, ahead_m in enumerate(found.distance_m):
             if at_m + ahead_m > 30.0:
                 assert found.state[nth, k] == NO_TARGET
                 continue
             pairs = [
-                scene.sight(
-                    [at_m, 0, eye_m - 1.7], [[at_m + ahead_m, 0, object_m - 1.7]], risk=0.02
-                )
+                scene.sight([at_m, 0, eye_m - 1.7], [[at_m + ahead_m, 0, object_m - 1.7]], risk=0.1)
                 for eye_m in (1.08, 3.0)
                 for object_m in (0.6, 4.0)
             ]
