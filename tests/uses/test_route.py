@@ -139,9 +139,9 @@ def test_files_that_are_no_route_are_told(
 
 
 def ramp(x0: float, x1: float) -> np.ndarray:
-    """Returns of a road that rises by 4 %, with hedges 0.8 m high at 2 m to either side."""
+    """Returns of a road that rises by 4 %: a hedge 2 m to its left, a ditch 2 m to its right."""
     x, y = np.meshgrid(np.arange(x0, x1, 0.2), np.arange(-3, 3, 0.2))
-    z = 0.04 * x + np.where(np.abs(y) > 2, 0.8, 0.0)
+    z = 0.04 * x + np.select([y > 2, y < -2], [0.8, -0.6], 0.0)
     return np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
 
 
@@ -158,6 +158,16 @@ def test_the_road_below_a_route() -> None:
     where = np.arange(0.0, 40.0, 1.0)
     np.testing.assert_allclose(road.heights(where), 0.04 * where, atol=0.05)
     assert road.known_share > 0.8
+
+
+def test_returns_on_the_own_vehicle_are_no_road() -> None:
+    points = ramp(-10, 30)
+    near = np.abs(points[:, 0] - 10) < 4  # below and around the vehicle no beam meets the road
+    bonnet = points[np.abs(points[:, 0] - 10) < 2] + [0, 0, 0.8]
+    road = RoadSurface(Route.through([[x, 0, 0.04 * x + 1.7] for x in range(0, 21, 2)]))
+    road.add(np.vstack([points[~near], bonnet]), np.array([10.0, 0, 2.1]))
+    where = np.arange(1.0, 20.0)
+    np.testing.assert_allclose(road.heights(where), 0.04 * where, atol=0.05)
 
 
 def test_a_route_that_no_scan_saw_has_no_road() -> None:

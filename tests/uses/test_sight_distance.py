@@ -244,6 +244,16 @@ def test_grade_and_braking() -> None:
     road = Route.through([[0, 0, 0], [50, 0, 0], [100, 0, 5]])
     grade = mean_grade(road, np.array([0.0, 40.0, 95.0]), np.array([50.0, 20.0, 50.0]))
     np.testing.assert_allclose(grade, [0.0, 0.05, 0.1])
+    road = Route.through([[0, 0, 0], [92, 0, 4.2], [100, 0, 4.2]])
+    # The last 10 m of the path rise by 2 m x 4.2 / 92.
+    np.testing.assert_allclose(mean_grade(road, np.array([95.0]), np.array([50.0])), 4.2 / 460)
+
+
+def test_objects_reach_beyond_the_required_distance() -> None:
+    road = Route.through([[0, 0, -1.7], [200, 0, -1.7]])
+    found = sight_distances(wall_scene(), road, AASHTO, speed_mps=10.0, step_m=100.0)
+    assert found.distance_m[0] == 5.0
+    assert found.distance_m[-1] == pytest.approx(1.5 * found.required_m.max(), abs=1.0)
 
 
 @pytest.mark.parametrize(
@@ -269,7 +279,7 @@ def wall_scene() -> Scene:
 
 def test_an_envelope_takes_the_worst_line() -> None:
     road = Route.through([[0, 0, -1.7], [30, 0, -1.7]])
-    lines = {"speed_mps": 5.0, "reach_m": 25.0, "target_step_m": 4.0, "step_m": 8.0}
+    lines = {"speed_mps": 5.0, "reach_m": 25.0, "target_step_m": 5.0, "step_m": 10.0}
     over = AASHTO.changed(eye_m=(1.08, 3.0), object_m=(0.6, 4.0))
     scene = wall_scene()
     found = sight_distances(scene, road, over, **lines, risk=0.1)
