@@ -9,8 +9,11 @@ import pytest
 EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"))
 SAID = {
     "visible_returns": ("visible", "Occluded: "),
+    "agents": ("Row sees column", "roadside unit"),
     "blind_spots": ("m away:", "could hide: car"),
     "voxel_masks": ("occluded: ", "image_02 sees ", "<BevGrid: 300 x 300 cells of 0.2 m"),
+    "route": ("2 of 2 zones come into sight", "Largest visible shares: kerb"),
+    "sight_distance": ("crest, AASHTO, derived", "62.8", "junction, AASHTO"),
     "stream": (
         "while scans arrive: <Sight: 5,000 lines",
         "with all of them:   <Sight: 5,000 lines",

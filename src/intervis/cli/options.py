@@ -48,6 +48,30 @@ def place(text: str, option: str) -> str | tuple[float, float, float]:
     return text if text in ("camera", "sensor") else coordinates(text, option)
 
 
+def heights(text: str | None, option: str) -> tuple[float, ...] | None:
+    """Heights in metres from ``M`` or ``M,M``; None stays None.
+
+    Raises
+    ------
+    SettingsError
+        The text is not one or more finite numbers.
+
+    Examples
+    --------
+    >>> heights("1.05,2", "--eye")
+    (1.05, 2.0)
+    """
+    if text is None:
+        return None
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = (math.nan,)
+    if not all(map(math.isfinite, values)):
+        raise SettingsError(f"{option} must be heights in metres, as 1.08 or 1.05,2, got {text!r}.")
+    return values
+
+
 def viewpoint(text: str) -> Any:
     """A named viewpoint, unchanged, or coordinates.
 

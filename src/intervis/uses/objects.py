@@ -120,7 +120,7 @@ def objects_of_frame(
             float(seen.probability[k]),
             float(in_image[k]),
             seen.blocker[k],
-            _category_at(seen.blocker[k], boxes[:k] + boxes[k + 1 :]),
+            category_at(seen.blocker[k], boxes[:k] + boxes[k + 1 :]),
         )
         for k, box in enumerate(boxes)
     ]
@@ -139,8 +139,8 @@ def _in_image(
     return np.asarray(share, dtype=np.float64)
 
 
-def _category_at(point: Float64Array, boxes: Sequence[Box]) -> str:
-    """Category of the nearest-fitting box that holds a point."""
+def category_at(point: Float64Array, boxes: Sequence[Box]) -> str:
+    """Category of the first of the boxes that holds a point (3,), grown by 0.5 m; empty if none."""
     if not np.isfinite(point).all():
         return ""
     for box in boxes:

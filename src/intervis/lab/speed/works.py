@@ -10,6 +10,7 @@ from scipy.spatial import Delaunay
 from intervis.arrays import Float64Array, finite_rows
 from intervis.delaunay import triangulate
 from intervis.lab.speed.grid_works import grid_works
+from intervis.lab.speed.route_works import route_works
 from intervis.lab.speed.timing import Work
 from intervis.lab.truth.baselines import depth_buffer, triangulated
 from intervis.lab.truth.baselines.hidden_points import hidden_point_removal
@@ -164,6 +165,7 @@ def _sight_lines(question: Question) -> Iterator[Work]:
             several.add(scan, pose)
         group = f"the same, {len(question.scans)} scans"
         yield Work(group, "intervis", _call(several.sight, viewpoint, targets), lines)
+        yield from route_works(several, question.poses)
 
 
 def _caster(scan: Float64Array) -> RayCaster:

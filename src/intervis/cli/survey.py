@@ -1,0 +1,119 @@
+"""Options and readers of commands that use the scans of a whole drive, and a route through them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from intervis.cli.terminal import progress
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from intervis.arrays import Float64Array
+    from intervis.drives import Drive
+    from intervis.uses.route import Route
+    from intervis.uses.survey import Survey
+
+Frames = Annotated[
+    str | None,
+    typer.Option(metavar="A:B", help="Scans to use: frame numbers, B not included; default: all."),
+]
+RouteFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--route",
+        metavar="FILE",
+        help="Poses of KITTI or TUM, or way points as CSV with x, y and maybe z, speed_kmh,"
+        " time_s, in the frame of the drive's poses; default: the way of the scanner.",
+    ),
+]
+Mount = Annotated[
+    float | None,
+    typer.Option(
+        metavar="M",
+        help="Height of the route's places above the road; default: the scans show the road.",
+    ),
+]
+Spacing = Annotated[
+    float, typer.Option(metavar="M", help="Least distance between scans that are used.")
+]
+Hz = Annotated[
+    float | None, typer.Option(metavar="F", help="Scans a second, where the drive has no times.")
+]
+SensorName = Annotated[
+    str | None,
+    typer.Option(
+        "--sensor",
+        metavar="NAME",
+        help="HDL-64E, HDL-32E, VLP-16, OS1-128 or generic: sharper than what is derived from each"
+        " scan.",
+    ),
+]
+Risk = Annotated[
+    float | None,
+    typer.Option(
+        metavar="R",
+        help="How often visible and occluded may each be wrong, 0.001 to 0.2; default: 0.05.",
+    ),
+]
+SHOWN_SCANS, SHOWN_RETURNS = 12, 250_000
+"""So many scans, and of their returns some so many, are drawn from above."""
+
+
+def route_of(drive: "Drive", path: Path | None, hz: float | None) -> "Route":
+    """The route of a file, or the way of the drive's scanner."""
+    from intervis.uses.route_file import drive_start_s, read_route, route_of_drive
+
+    if path is None:
+        return route_of_drive(drive, hz)
+    return read_route(path, drive_start_s(drive))
+
+
+def read_survey(
+    drive: "Drive",
+    route: "Route",
+    frames: tuple[int | None, int | None] | None,
+    spacing_m: float,
+    hz: float | None,
+    sensor: str | None,
+) -> "Survey":
+    """The scans of the chosen frames; the route must not leave them."""
+    from intervis.run.stream import selected_frames
+    from intervis.uses.survey import check_route_in_survey, survey_of
+
+    numbers = selected_frames(drive.frame_numbers, frames)
+    with progress("scans", len(numbers)) as advance:
+        survey = survey_of(
+            drive,
+            route,
+            numbers=numbers,
+            spacing_m=spacing_m,
+            scans_per_s=hz,
+            sensor=sensor,
+            progress=advance,
+        )
+    check_route_in_survey(survey, route)
+    return survey
+
+
+def returns_above(drive: "Drive", numbers: "Sequence[int]") -> "Float64Array":
+    """(N, 3) returns of some of the frames, for pictures; frame of the poses, metres."""
+    import numpy as np
+
+    from intervis.arrays import finite_rows
+    from intervis.transform import transform
+
+    every = max(1, -(-len(numbers) // SHOWN_SCANS))
+    parts = []
+    for number in numbers[::every]:
+        frame = drive[number]
+        assert frame.pose is not None  # as the scene has checked
+        points = frame.points[finite_rows(frame.points), :3]
+        parts.append(
+            transform(
+                frame.pose,
+                points[:: max(1, len(points) * min(len(numbers), SHOWN_SCANS) // SHOWN_RETURNS)],
+            )
+        )
+    return np.concatenate(parts)

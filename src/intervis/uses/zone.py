@@ -1,0 +1,214 @@
+"""Zones: polygons between two heights above the ground, whose visible share is asked."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from intervis.arrays import BoolArray, Float64Array, array_of
+from intervis.drives.calibration import read_lines
+from intervis.errors import DriveError, PointsError
+from intervis.sight import Scene
+
+SAMPLES = 400
+"""Points of a zone at most, unless it is long and thin."""
+LEAST_SPACING_M = 0.25
+"""Distance of the points of a small zone."""
+LEVELS = 3
+"""Heights at which points are placed, from the lower to the upper height."""
+LEAST_AREA_M2 = 1e-4
+DEFAULT_HEIGHTS_M = (0.2, 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """A polygon between two heights above the ground.
+
+    Parameters
+    ----------
+    name : str
+    corners : (K, 2) array
+        In order, without the first one again at the end; scene frame, metres.
+    low_m, high_m : float
+        Heights above the ground.
+
+    Raises
+    ------
+    PointsError
+        Fewer than three corners, corners that are not finite, edges that cross, no area, or
+        heights that are not in order.
+
+    Examples
+    --------
+    >>> zone = Zone("crossing", [[0, 0], [4, 0], [4, 3], [0, 3]], 0.0, 2.0)
+    >>> zone.area_m2
+    12.0
+    """
+
+    name: str
+    corners: Float64Array
+    low_m: float = DEFAULT_HEIGHTS_M[0]
+    high_m: float = DEFAULT_HEIGHTS_M[1]
+
+    def __init__(
+        self,
+        name: str,
+        corners: ArrayLike,
+        low_m: float = DEFAULT_HEIGHTS_M[0],
+        high_m: float = DEFAULT_HEIGHTS_M[1],
+    ) -> None:
+        ring = array_of(corners, f"the corners of zone {name!r}").astype(np.float64)
+        if len(ring) > 1 and (ring[0] == ring[-1]).all():
+            ring = ring[:-1]
+        if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
+            raise PointsError(f"zone {name!r} needs three corners or more, x and y in metres.")
+        if not (math.isfinite(low_m) and math.isfinite(high_m) and low_m <= high_m):
+            raise PointsError(
+                f"zone {name!r} needs a lower and an upper height, got {low_m} and {high_m}."
+            )
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "corners", ring)
+        object.__setattr__(self, "low_m", float(low_m))
+        object.__setattr__(self, "high_m", float(high_m))
+        crossing = _crossing_edges(ring)
+        if crossing is not None:
+            raise PointsError(
+                f"zone {name!r} crosses itself: its edges {crossing[0] + 1} and {crossing[1] + 1}"
+                " meet; put its corners in order."
+            )
+        if self.area_m2 < LEAST_AREA_M2:
+            raise PointsError(f"zone {name!r} has no area.")
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the polygon."""
+        x, y = self.corners.T
+        return abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2.0
+
+    def contains(self, xy: Float64Array) -> BoolArray:
+        """Which points (N, 2) lie inside, by the number of edges to their right."""
+        inside = np.zeros(len(xy), np.bool_)
+        for (x0, y0), (x1, y1) in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
+            spans = np.flatnonzero((y0 > xy[:, 1]) != (y1 > xy[:, 1]))  # none if level
+            if len(spans):
+                height = (xy[spans, 1] - y0) / (y1 - y0)
+                inside[spans] ^= xy[spans, 0] < x0 + height * (x1 - x0)
+        return inside
+
+    def samples(self, scene: Scene) -> Float64Array:
+        """(N, 3) points of the zone, scene frame: cells of equal area at `LEVELS` heights.
+
+        Heights count from the ground of the scene. NaN where it shows no ground.
+        """
+        xy = self._cells()
+        levels_m = np.linspace(self.low_m, self.high_m, LEVELS if self.high_m > self.low_m else 1)
+        ground_m = scene.ground_height(xy)
+        heights = (ground_m[:, None] + levels_m).ravel()
+        return np.column_stack([np.repeat(xy, len(levels_m), axis=0), heights])
+
+    def _cells(self) -> Float64Array:
+        """(N, 2) middles of square cells inside; at least one point."""
+        spacing_m = max(LEAST_SPACING_M, math.sqrt(self.area_m2 * LEVELS / SAMPLES))
+        low, high = self.corners.min(axis=0), self.corners.max(axis=0)
+        while True:
+            count = np.maximum(np.ceil((high - low) / spacing_m).astype(np.int64), 1)
+            step = (high - low) / count
+            i, j = np.indices(count).reshape(2, -1)
+            middles = low + (np.column_stack([i, j]) + 0.5) * step
+            inside = middles[self.contains(middles)]
+            if len(inside):
+                return np.asarray(inside)
+            spacing_m /= 2.0
+
+
+def _crossing_edges(ring: Float64Array) -> tuple[int, int] | None:
+    """Two edges of a closed ring that meet though they are not neighbours."""
+    ends = np.roll(ring, -1, axis=0)
+    count = len(ring)
+    for a in range(count):
+        for b in range(a + 1, count):
+            neighbours = b == a + 1 or (a == 0 and b == count - 1)
+            if not neighbours and _meet(ring[a], ends[a], ring[b], ends[b]):
+                return a, b
+            if neighbours and _folds_back(ring, a, b):
+                return a, b
+    return None
+
+
+def _meet(p: Float64Array, q: Float64Array, r: Float64Array, s: Float64Array) -> bool:
+    """Whether the segments from p to q and from r to s have a common point."""
+    sides = [_side(p, q, r), _side(p, q, s), _side(r, s, p), _side(r, s, q)]
+    if sides[0] * sides[1] < 0 and sides[2] * sides[3] < 0:
+        return True
+    touching = ((p, q, r), (p, q, s), (r, s, p), (r, s, q))
+    return any(
+        side == 0 and _between(*points) for side, points in zip(sides, touching, strict=True)
+    )
+
+
+def _side(p: Float64Array, q: Float64Array, r: Float64Array) -> float:
+    cross = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+    return float(np.sign(cross))
+
+
+def _between(p: Float64Array, q: Float64Array, r: Float64Array) -> bool:
+    """Whether r, on the line through p and q, lies between them."""
+    return bool((np.minimum(p, q) <= r).all() and (r <= np.maximum(p, q)).all())
+
+
+def _folds_back(ring: Float64Array, a: int, b: int) -> bool:
+    """Whether two neighbouring edges lie on each other, or one has no length."""
+    first, shared, last = (ring[a], ring[b], ring[(b + 1) % len(ring)])
+    if a == 0 and b == len(ring) - 1:
+        first, shared, last = ring[b], ring[0], ring[1]
+    before, after = first - shared, last - shared
+    parallel = before[0] * after[1] - before[1] * after[0] == 0
+    return bool(parallel and before @ after >= 0)
+
+
+def read_zones(path: Path) -> list[Zone]:
+    """Zones of a GeoJSON file: polygons with the properties ``name``, ``low_m`` and ``high_m``.
+
+    Coordinates are metres in the scene's frame.
+
+    Raises
+    ------
+    DriveError
+        The file is missing or no GeoJSON with polygons.
+    PointsError
+        As `Zone`; or a polygon has holes.
+    """
+    if not path.exists():
+        raise DriveError(f"there are no zones at {path}: check the path.")
+    try:
+        content: Any = json.loads("\n".join(read_lines(path)))
+    except (ValueError, RecursionError):
+        raise DriveError(f"{path} is no JSON: zones are polygons in GeoJSON.") from None
+    features = content.get("features") if isinstance(content, dict) else None
+    if not isinstance(features, list) or not features:
+        raise DriveError(f"{path} has no features: zones are polygons in a FeatureCollection.")
+    return [_zone(path, nth, feature) for nth, feature in enumerate(features, start=1)]
+
+
+def _zone(path: Path, nth: int, feature: Any) -> Zone:
+    wrong = DriveError(f"{path}: feature {nth} is no polygon of numbers.")
+    try:
+        geometry, properties = feature["geometry"], feature.get("properties") or {}
+        if geometry["type"] != "Polygon":
+            raise wrong
+        rings = geometry["coordinates"]
+        corners = np.array([corner[:2] for corner in rings[0]], dtype=np.float64)
+        name = str(properties.get("name", f"zone {nth}"))
+        low_m, high_m = (
+            float(properties.get(key, value))
+            for key, value in zip(("low_m", "high_m"), DEFAULT_HEIGHTS_M, strict=True)
+        )
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError):
+        raise wrong from None
+    if len(rings) > 1:
+        raise PointsError(f"zone {name!r} has holes: cut it into polygons without any.")
+    return Zone(name, corners, low_m, high_m)
