@@ -100,8 +100,8 @@ class ArgoverseWriter:
 
     def add(self, frame: FrameRecord) -> None:
         """See `drive_writer.DriveWriter`."""
-        points_ego = [
-            ego_points(scanner, scan, frame)
+        points_ego = [  # as they are stored
+            ego_points(scanner, scan, frame).astype(np.float16).astype(np.float64)
             for scanner, scan in zip(self._rig.scanners, frame.scans, strict=True)
         ]
         sweep = _sweep(frame, points_ego)

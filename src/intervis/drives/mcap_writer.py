@@ -1,9 +1,9 @@
 """Writing an MCAP file of ROS 2 messages: the clouds of each scanner, and transforms.
 
 ``/lidar/NAME`` holds the sweeps as they were measured, with the time of each point (``t``,
-nanoseconds after the stamp) where the scanner moved; ``/tf`` the pose of ``base_link`` (the vehicle)
-in ``map``, ``/tf_static`` the scanners' places in ``base_link``. The messages of a frame form a chunk
-without compression. Source: mcap.dev/spec.
+nanoseconds after the stamp) where the scanner moved; ``/tf`` the pose of ``base_link`` (the
+vehicle) in ``map``, ``/tf_static`` the scanners' places in ``base_link``. The messages of a frame
+form a chunk without compression. Source: mcap.dev/spec.
 """
 
 import struct
@@ -62,7 +62,8 @@ class McapWriter:
     def close(self) -> Path:
         """See `drive_writer.DriveWriter`."""
         self._file.close()
-        return Path(FILE_NAME)
+        first = self._rig.scanners[0].name
+        return Path(FILE_NAME) if len(self._rig.scanners) == 1 else Path(FILE_NAME, "lidar", first)
 
     def release(self) -> None:
         """See `drive_writer.DriveWriter`."""

@@ -1,8 +1,8 @@
 """Writing a folder of PCD files of one scanner, with its poses and times.
 
 ``000000.pcd`` ... hold x, y, z, intensity, ring and, where the scanner moved while it scanned, t:
-the time of a point in nanoseconds after the scan's. ``poses.txt`` has a pose of the scanner for each
-scan (KITTI's odometry format), ``times.txt`` its time in seconds.
+the time of a point in nanoseconds after the scan's. ``poses.txt`` has a pose of the scanner for
+each scan (KITTI's odometry format), ``times.txt`` its time in seconds.
 """
 
 from pathlib import Path

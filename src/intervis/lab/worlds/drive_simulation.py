@@ -1,6 +1,6 @@
 """Simulated drives in any layout: several scanners, cameras, boxes, motion during a sweep.
 
-Sweeps begin at the frame's time, images are taken 0.03 s later. The drive is written whole or not
+Sweeps begin at the frame's time, images are taken 0.02 s later. The drive is written whole or not
 at all. KITTI's raw layout is written by `intervis.lab.worlds.simulation`, which can go on.
 """
 
@@ -61,7 +61,7 @@ START_NS = 1_317_042_145_000_000_000
 POSE_STEP_NS = 10_000_000
 """Time between two poses of the vehicle."""
 
-IMAGE_SHARE = 0.3
+IMAGE_SHARE = 0.2
 """When images are taken within a frame: nearer to its time than to that of the next frame."""
 
 BOXES_WITHIN_M = 80.0
@@ -163,7 +163,7 @@ def simulate_drive(
     if rig.cameras:
         require_pillow()
     check_new_folder(Path(out))
-    drive = _Drive(build_street(seed), tuple(chosen), rig, seed, motion_distortion)
+    drive = SimulatedDrive(build_street(seed), tuple(chosen), rig, seed, motion_distortion)
     drive.check_length(frames)
     metadata = {
         "made_by": MADE_BY,
@@ -243,7 +243,7 @@ def _rig(scanners: Sequence[MountedScanner], with_cameras: bool) -> Rig:
 
 
 @dataclass(frozen=True, eq=False)
-class _Drive:
+class SimulatedDrive:
     """The frames of a drive, each simulated when it is asked for."""
 
     world: World
