@@ -69,10 +69,15 @@ class NuScenesTables:
     rig : Rig
     map_file : str
         The mask that the table ``map`` names.
+    frames_per_sample : int
+        Every so many frames one is a key frame.
     """
 
-    def __init__(self, folder: Path, rig: Rig, map_file: str) -> None:
+    def __init__(
+        self, folder: Path, rig: Rig, map_file: str, frames_per_sample: int = FRAMES_PER_SAMPLE
+    ) -> None:
         self._rig, self._map_file = rig, map_file
+        self._frames_per_sample = frames_per_sample
         self._files = {name: _TableFile(folder / f"{name}.json") for name in TABLES}
         self._held: dict[tuple[str, str], dict[str, Any]] = {}
         self._instances: dict[str, dict[str, Any]] = {}
@@ -134,7 +139,7 @@ class NuScenesTables:
         returns : sequence of int
             The number of returns in each of its boxes.
         """
-        key_frame = self._frames % FRAMES_PER_SAMPLE == 0
+        key_frame = self._frames % self._frames_per_sample == 0
         self._frames += 1
         if key_frame:
             self._sample = token_of("sample", self._scene["name"], frame.time_ns)
