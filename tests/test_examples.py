@@ -10,6 +10,7 @@ EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"
 SAID = {
     "visible_returns": ("visible", "Occluded: "),
     "blind_spots": ("m away:", "could hide: car"),
+    "two_scanners": ("LIDAR_TOP: 4", " 0 beside the left doors", "LIDAR_LEFT: 1"),
     "stream": (
         "while scans arrive: <Sight: 5,000 lines",
         "with all of them:   <Sight: 5,000 lines",
