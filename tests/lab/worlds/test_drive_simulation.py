@@ -111,8 +111,8 @@ SCANNERS = {
 def truth(layout: str, motion: bool = False, seed: int = 0) -> SimulatedDrive:
     """What the drive of a layout is made of, simulated once more."""
     scanners = [mounted(text) for text in SCANNERS[layout]]
-    rig = drive_simulation._rig(scanners, layout in ("nuscenes", "argoverse2"))
-    return SimulatedDrive(small_world(seed), tuple(scanners), rig, seed, motion)
+    cameras = layout in ("nuscenes", "argoverse2")
+    return SimulatedDrive.of(small_world(seed), scanners, seed=seed, cameras=cameras, motion=motion)
 
 
 def written(out: Path, layout: str, frames: int = 3, **options) -> Drive:
@@ -289,13 +289,7 @@ def test_deskewed_sweeps_agree_with_a_sweep_without_motion(layout, tmp_path, mon
     drive, world = open_drive(path), small_world()
     for number in (0, 1, 2):
         frame = drive[number]
-        record = SimulatedDrive(
-            world,
-            (mounted("hdl-64e"),),
-            drive_simulation._rig([mounted("hdl-64e")], False),
-            0,
-            True,
-        ).frame(number)
+        record = SimulatedDrive.of(world, [mounted("hdl-64e")], motion=True).frame(number)
         assert np.array_equal(frame.point_times_ns, frame.timestamp_ns + record.scans[0].offset_ns)
         errors = {}
         snapshot = world.at(number * 0.1)
@@ -489,9 +483,7 @@ def test_kitti_takes_another_scanner_on_its_mount(motion: bool, tmp_path: Path) 
         tmp_path, "kitti", ["vlp-16@front"], frames=2, images=False, motion_distortion=motion
     )
     drive = open_drive(path)
-    true = SimulatedDrive(
-        small_world(), (mounted("vlp-16@front"),), drive_simulation.Rig(()), 0, motion
-    )
+    true = SimulatedDrive.of(small_world(), [mounted("vlp-16@front")], motion=motion)
     for number in (0, 1):
         frame = drive[number]
         pose = true.world_from_ego(number * 0.1) @ VEHICLE_MOUNTS["front"].ego_from_scanner

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -252,6 +253,19 @@ class SimulatedDrive:
     seed: int
     motion: bool
     world_from_ego: PoseAt = field(init=False)
+
+    @classmethod
+    def of(
+        cls,
+        world: World,
+        scanners: Sequence[MountedScanner],
+        *,
+        seed: int = 0,
+        cameras: bool = False,
+        motion: bool = False,
+    ) -> Self:
+        """The drive of some scanners, with or without cameras."""
+        return cls(world, tuple(scanners), _rig(scanners, cameras), seed, motion)
 
     def __post_init__(self) -> None:
         if self.scanners[0].is_on_ground:
