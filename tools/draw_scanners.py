@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from intervis.lab.worlds.drive_simulation import SimulatedDrive
 from intervis.lab.worlds.mounted_scanner import mounted
 from intervis.lab.worlds.presets import PRESETS
+from intervis.lab.worlds.simulated_drive import SimulatedDrive
 from intervis.lab.worlds.street.layout import build_street
 from intervis.plots.style import SEQUENTIAL, dots, page_figure, save_figure
 from intervis.transform import transform

@@ -14,17 +14,13 @@ from scipy.spatial.transform import Rotation
 from intervis.drives import Drive, mcap_writer, open_drive
 from intervis.drives.drive_writer import FrameRecord, ego_points
 from intervis.errors import MissingExtraError, OutputError, SettingsError
-from intervis.lab.worlds import drive_simulation, shapes, simulation
+from intervis.lab.worlds import drive_simulation, shapes, simulated_drive, simulation
 from intervis.lab.worlds.beam_pattern import BeamPattern, terrestrial
-from intervis.lab.worlds.drive_simulation import (
-    START_NS,
-    SimulatedDrive,
-    roadside_site,
-    simulate_drive,
-)
-from intervis.lab.worlds.mounted_scanner import MountedScanner, mounted
+from intervis.lab.worlds.drive_simulation import simulate_drive
+from intervis.lab.worlds.mounted_scanner import EGO_FROM_VELO, MountedScanner, mounted
 from intervis.lab.worlds.mounts import VEHICLE_MOUNTS
 from intervis.lab.worlds.presets import PRESETS, Preset
+from intervis.lab.worlds.simulated_drive import START_NS, SimulatedDrive, roadside_site
 from intervis.lab.worlds.triangles import Material, Triangles
 from intervis.lab.worlds.world import Actor, World
 from intervis.transform import inverse, rigid, transform
@@ -96,8 +92,8 @@ def _small_world(monkeypatch) -> None:
     rows = {"hdl-32e": 24, "vlp-16": 16, "hdl-64e": 20, "os1-128": 40, "qt64": 18}
     for name in rows:
         monkeypatch.setitem(PRESETS, name, coarse(name, rows[name]))
-    monkeypatch.setattr(drive_simulation, "_IMAGE_PX", (64, 36))
-    monkeypatch.setattr(drive_simulation, "_FOCAL_PX", 40.0)
+    monkeypatch.setattr(simulated_drive, "_IMAGE_PX", (64, 36))
+    monkeypatch.setattr(simulated_drive, "_FOCAL_PX", 40.0)
 
 
 SCANNERS = {
@@ -322,7 +318,7 @@ def test_without_motion_all_points_have_the_time_of_the_scan(tmp_path: Path) -> 
 def test_every_preset_scans_from_its_mount(name: str) -> None:
     scanner = mounted(name)
     world = small_world()
-    at = lambda time_s: vehicle_pose(time_s) @ inverse(drive_simulation.EGO_FROM_VELO)  # noqa: E731
+    at = lambda time_s: vehicle_pose(time_s) @ inverse(EGO_FROM_VELO)  # noqa: E731
     points, attributes = scanner.sweep(world, at, 0.2, np.random.default_rng(0), motion=False)
     beams = len(scanner.preset.sweep_at(0.2).directions)
     assert 0.03 * beams < len(points) <= beams
