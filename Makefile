@@ -9,6 +9,7 @@ TESTS ?=
 COUNT ?= 100
 SEED ?= 0
 FUZZ ?= 20000
+SOURCE ?=
 
 .PHONY: demo test test-slow lint types bench coverage mutants fuzz dist clean help
 .DEFAULT_GOAL := help
@@ -47,8 +48,8 @@ mutants: $(READY) ## how many of COUNT small changes of the code the tests notic
 fuzz: $(READY)    ## changed files for every reader: each is read, or refused in one sentence
 	$(BIN)/python tools/fuzz_readers.py --count $(FUZZ) --seed $(SEED) --jobs $(JOBS)
 
-bench: $(READY)   ## timings, as medians; never part of the tests
-	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only -p no:xdist
+bench: $(READY)   ## our times beside those of other tools; SOURCE=drive for a real one
+	$(BIN)/intervis bench $(SOURCE) --json out/bench.json
 
 dist: $(READY)   ## source distribution and wheel, in dist/
 	rm -rf dist

@@ -8,6 +8,7 @@ import numpy as np
 
 from intervis.camera import Camera
 from intervis.drives import Frame
+from intervis.run.frame_file import load_frame
 
 CAM_FROM_VELO_AXES = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])
 """Rotation from x forward, y left, z up to x right, y down, z forward."""
@@ -96,3 +97,13 @@ def files_below(folder: Path) -> dict[str, tuple[int, int]]:
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
+
+
+def results(out: Path) -> dict[str, dict[str, bytes]]:
+    """All arrays of the frame files of a run but the stage times, which differ between runs."""
+    frames = {}
+    for path in sorted((out / "frames").glob("*.npz")):
+        arrays = load_frame(path)
+        del arrays["times_s"]
+        frames[path.name] = {name: array.tobytes() for name, array in arrays.items()}
+    return frames

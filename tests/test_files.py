@@ -40,11 +40,17 @@ def test_any_exception_leaves_no_part(tmp_path):
     assert files_below(tmp_path) == {}
 
 
-def test_the_part_of_a_killed_process_is_overwritten(tmp_path):
-    (tmp_path / ".a.txt.part").write_text("half of an earlier attempt")
-    write_text(tmp_path / "a.txt", "whole")
-    assert (tmp_path / "a.txt").read_text() == "whole"
-    assert list(files_below(tmp_path)) == ["a.txt"]
+def test_writers_of_one_file_do_not_meet(tmp_path):
+    path = tmp_path / "a.bin"
+
+    def slow(file):
+        file.write(b"fir")
+        write_whole(path, lambda other: other.write(b"second"))
+        file.write(b"st")
+
+    write_whole(path, slow)
+    assert path.read_bytes() == b"first"
+    assert list(files_below(tmp_path)) == ["a.bin"]
 
 
 def test_equal_content_is_not_written_again(tmp_path):
@@ -80,14 +86,6 @@ def test_a_link_is_kept_and_its_target_is_written(tmp_path):
     assert (tmp_path / "kept" / "target.txt").read_text() == "new"
     assert (tmp_path / "kept" / "created.txt").read_text() == "new"
     assert len(list(tmp_path.rglob("*"))) == 5
-
-
-def test_a_link_in_place_of_the_part_is_not_written_through(tmp_path):
-    (tmp_path / "mine.txt").write_text("mine")
-    (tmp_path / ".a.txt.part").symlink_to("mine.txt")
-    write_text(tmp_path / "a.txt", "whole")
-    assert (tmp_path / "mine.txt").read_text() == "mine"
-    assert not (tmp_path / "a.txt").is_symlink()
 
 
 @pytest.mark.parametrize("write", [write_bytes, write_text])
@@ -132,14 +130,16 @@ def test_a_folder_that_is_cut_off_leaves_nothing(tmp_path, error):
     assert not list(tmp_path.iterdir())
 
 
-def test_what_a_killed_process_left_is_replaced_and_a_link_is_not_followed(tmp_path):
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "a.txt").write_text("mine")
-    (tmp_path / ".new.part").symlink_to(tmp_path / "mine")
-    with whole_folder(tmp_path / "new") as part:
-        (part / "b.txt").write_text("b")
-    assert list(files_below(tmp_path)) == ["mine/a.txt", "new/b.txt"]
-    assert not (tmp_path / "new").is_symlink()
+def test_of_two_processes_that_make_one_folder_the_second_fails(tmp_path):
+    def both():
+        with whole_folder(tmp_path / "new") as first, whole_folder(tmp_path / "new") as second:
+            assert first != second
+            (first / "a.txt").write_text("a")
+            (second / "b.txt").write_text("b")
+
+    with pytest.raises(OutputError, match="cannot write"):
+        both()
+    assert list(files_below(tmp_path)) == ["new/b.txt"]
 
 
 def test_a_folder_with_files_is_not_changed(tmp_path):

@@ -16,11 +16,12 @@ ROOT = Path(intervis.__file__).parent
 LAYERS = (
     ("errors",),
     ("arrays", "kernels", "progress"),
-    ("delaunay", "directions", "files", "settings", "transform"),
+    ("delaunay", "directions", "files", "output_folder", "settings", "transform"),
     ("camera",),
     ("drives", "method", "sight"),
     ("live", "plots"),
     ("run", "uses"),
+    ("warm_up",),
     ("cli",),
     ("__init__", "__main__"),
 )
@@ -39,7 +40,7 @@ SIGHT_LAYERS = (
 )
 """The same for the modules of ``intervis.sight``."""
 
-LAB_LAYERS = (("worlds",), ("truth",), ("paper",), ("calibrate",), ("cli",), ("__init__",))
+LAB_LAYERS = (("worlds",), ("truth",), ("paper", "speed"), ("calibrate",), ("cli",), ("__init__",))
 """The same for the packages of ``intervis.lab``, which may import the library."""
 
 LAZY = {"__init__.py", "cli/program.py", "lab/worlds/__init__.py"}

@@ -290,6 +290,9 @@ class Runner:
         finally:
             _end(process)
             self.running.discard(process)
+        if process.returncode == pytest.ExitCode.USAGE_ERROR and "conftest" not in output:
+            # Not the mutant's doing: the environment has changed, and every mutant would count.
+            raise SystemExit(f"the tests do not start:\n{output.strip()}")
         passed = process.returncode in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
         return (SURVIVED if passed else KILLED), output
 

@@ -79,7 +79,7 @@ def _rig() -> Rig:
 
 def _frame(time_ns: int, number: int) -> FrameRecord:
     c, s = np.cos(0.01 * number), np.sin(0.01 * number)  # numbers of many digits
-    pose = rigid([[c, -s, 0], [s, c, 0], [0, 0, 1]], [400 * c + np.pi, 600 + 400 * s, np.e])
+    pose = rigid([[c, -s, 0], [s, c, 0], [0, 0, 1]], [400 * c + np.pi, 600 + 400 * s, np.sqrt(2)])
     scan = ScanRecord(np.empty((0, 3), np.float32), np.empty(0, np.float32))
     image = ImageRecord(np.empty((0, 0, 3), np.uint8), time_ns + 10_000_000, pose)
     boxes = tuple(

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from intervis.sight import Sensor as Sensor
     from intervis.sight import Sight as Sight
     from intervis.sight import explain as explain
+    from intervis.warm_up import warm_up as warm_up
 
 __version__ = "0.1.0"
 
@@ -66,8 +67,9 @@ _HOME = {
     "UNKNOWN": "intervis.sight",
     "VISIBLE": "intervis.sight",
     "explain": "intervis.sight",
+    "warm_up": "intervis.warm_up",
 }
-_SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight")
+_SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight", "uses")
 __all__ = [
     "OCCLUDED",
     "UNKNOWN",
@@ -97,6 +99,7 @@ __all__ = [
     "analyze",
     "explain",
     "open_drive",
+    "warm_up",
 ]
 
 

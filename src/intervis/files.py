@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import secrets
 import shutil
 import stat
 from collections.abc import Callable, Iterator
@@ -38,8 +39,9 @@ def check_replaceable(path: Path) -> Path:
 def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Call `write` on a file that gets its name only when it is complete.
 
-    Until then it is ``.NAME.part`` in the same folder. A failure removes this file; one that a
-    killed process has left is replaced by the next attempt. A link is kept and its target written.
+    Until then it is ``.NAME.*.part`` in the same folder, under a name that no other process or
+    thread takes. A failure removes this file; a process that is killed leaves it. A link is kept
+    and its target written.
 
     Raises
     ------
@@ -47,9 +49,8 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
         The system refuses: disk full, no permission, not a folder; or `path` is no regular file.
     """
     target = check_replaceable(path)
-    part = target.with_name(f".{target.name}.part")
+    part = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
     try:
-        part.unlink(missing_ok=True)  # never written through, should it be a link or a pipe
         try:
             with open(part, "xb") as file:
                 write(file)
@@ -93,8 +94,8 @@ def write_text(path: Path, text: str) -> None:
 def whole_folder(path: Path) -> Iterator[Path]:
     """A folder to write into, which gets its name only when it is complete.
 
-    Until then it is ``.NAME.part`` beside it. A failure removes it; one that a killed process has
-    left is replaced by the next attempt.
+    Until then it is ``.NAME.XXXX.part`` beside it, with random letters. A failure removes it; a
+    killed process leaves it.
 
     Yields
     ------
@@ -109,16 +110,14 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """
     check_new_folder(path)
     target = Path(os.path.realpath(path))
-    part = target.with_name(f".{target.name}.part")
+    part = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
     try:
-        _remove(part)
         part.mkdir(parents=True)
         try:
             yield part
             os.rename(part, target)  # onto an empty folder, or nothing
         except BaseException:
-            with contextlib.suppress(OSError):
-                _remove(part)
+            shutil.rmtree(part, ignore_errors=True)
             raise
     except OSError as error:
         raise OutputError(_write_failure(path, error)) from None
@@ -139,14 +138,6 @@ def check_new_folder(path: Path) -> None:
         raise OutputError(_write_failure(path, error)) from None
     what = "holds files already" if path.is_dir() else "is a file"
     raise OutputError(f"{path} {what} and was not changed; choose another output folder.")
-
-
-def _remove(path: Path) -> None:
-    """Remove a folder with its content, or a file or a link."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
 
 
 def make_folder(path: Path) -> None:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event as numba_event
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +37,26 @@ def kernel(function: Function) -> Function:
     except (RuntimeError, AttributeError):  # nothing can be kept: compile in memory, every time
         compiled = numba.njit(**options)(function)
     return cast(Function, compiled)
+
+
+_events: Any = numba_event  # it has no types
+
+
+class _Announcement(_events.Listener):  # type: ignore[misc]
+    """Says once, on the log, that a kernel is compiled now."""
+
+    def on_start(self, event: Any) -> None:
+        """Speak, and listen no longer."""
+        if event.data["dispatcher"].py_func.__module__.startswith("intervis."):
+            log.info("compiling kernels, once for this version and machine: up to half a minute")
+            with contextlib.suppress(ValueError):  # another thread was first
+                _events.unregister("numba:compile", self)
+
+    def on_end(self, event: Any) -> None:
+        """Say nothing."""
+
+
+_events.register("numba:compile", _Announcement())
 
 
 def _bind_to_sources(compiled: Any, folder: Path) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 import intervis
 import intervis.run.stream
+import intervis.run.stretch
 from intervis.cli import exit_code
 from small_drive import files_below, scan_folder, street
 
@@ -212,9 +213,9 @@ def test_the_users_own_settings_are_not_replaced(more, drive, tmp_path, capsys):
         (["run", "{drive}"], "--out"),
         (["run", "{drive}", "--out"], "See 'intervis run --help'."),
         (["ran"], "Did you mean 'run'? See 'intervis --help'."),
-        (["run", "--out", "{out}"], "source"),
+        (["run", "--out", "{out}"], "SOURCE"),
         (["run", "{drive}", "--out", "{out}", "--tua", "3"], "--tau"),
-        (["run", "{drive}", "--out", "{out}", "extra"], "extra"),
+        (["run", "extra", "--out", "{out}"], "there is nothing at extra"),
         (["demo", "--frames", "0", "--out", "{out}"], "1 or more"),
         (["demo", "--frames", "x"], "--frames"),
         (["simulate"], "--out"),
@@ -331,7 +332,7 @@ def test_an_interruption_says_how_to_resume(drive, tmp_path, capsys, monkeypatch
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(intervis.run.stream, "analyze", interrupt)
+    monkeypatch.setattr(intervis.run.stretch, "analyze", interrupt)
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out")]) == 130
     assert "the same command resumes the run" in capsys.readouterr().err
 
@@ -444,10 +445,10 @@ def test_a_stopped_run_resumes(tmp_path, stop):
         assert process.returncode == 130
         assert "the same command resumes the run" in err
         assert "Traceback" not in err
-        assert not list(out.rglob(".*"))
+        assert [path.name for path in out.rglob(".*")] == [".intervis"]
     assert subprocess.run(command, capture_output=True).returncode == 0
     assert len(list(out.glob("frames/*.npz"))) == 80
-    assert not list(out.rglob(".*"))
+    assert [path.name for path in out.rglob(".*")] == [".intervis"]
     assert all((out / "frames" / name).stat().st_mtime_ns == when for name, when in there.items())
 
 
@@ -484,3 +485,51 @@ def test_names_that_a_terminal_would_obey_are_escaped(tmp_path, command):
         for text in (done.stdout, done.stderr):
             assert not set(text) & {"\x1b", "\x07", "\x9b"}
     assert "a\\x1b[31mred\\x07\\x9bx" in done.stderr
+
+
+# Several drives
+
+
+def test_several_drives_have_folders_of_their_own_below_the_output(tmp_path, capsys):
+    drives = [str(scan_folder(tmp_path / name, (0, 1))) for name in ("north", "south")]
+    out = tmp_path / "out"
+    code = exit_code(["run", drives[0], str(tmp_path / "gone"), drives[1], "--out", str(out)])
+    assert code == 1
+    assert "gone: check the path" in capsys.readouterr().err
+    assert sorted(path.name for path in out.iterdir()) == ["north", "south"]
+    for name in ("north", "south"):
+        assert len(list((out / name / "frames").glob("*.npz"))) == 2
+
+
+def test_drives_of_one_name_are_refused_before_the_work(tmp_path, capsys):
+    drives = [str(scan_folder(tmp_path / name / "scans", (0,))) for name in ("a", "b")]
+    assert exit_code(["run", *drives, "--out", str(tmp_path / "out")]) == 2
+    assert "several of the drives are called scans" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_shards_of_several_short_drives_share_the_work(tmp_path, capsys):
+    drives = [str(scan_folder(tmp_path / name, (0, 1))) for name in ("north", "south")]
+    out = tmp_path / "out"
+    done = []
+    for shard in ("1/2", "2/2"):
+        assert exit_code(["run", *drives, "--out", str(out), "--shard", shard]) == 0
+        assert f"Shard {shard[0]} of 2" in capsys.readouterr().out
+        done.append({path.parent.parent.name for path in out.rglob("*.npz")})
+    assert done == [{"north"}, {"north", "south"}]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--shard", "3/2"], "--shard must be I/N"),
+        (["--shard", "1"], "--shard must be I/N"),
+        (["--shard", "1/2", "--report"], "a shard has no report"),
+        (["--shard", "1/2", "--overwrite"], "a shard cannot overwrite"),
+        (["--executor", "slurm"], "--executor must be dask or dask:ADDRESS"),
+        (["--workers", "0"], "workers must be 1 to 1024"),
+    ],
+)
+def test_impossible_ways_of_sharing_work_are_one_sentence(options, said, drive, tmp_path, capsys):
+    assert exit_code(["run", str(drive), "--out", str(tmp_path / "out"), *options]) == 2
+    assert said in capsys.readouterr().err

@@ -4,6 +4,7 @@ import logging
 import shutil
 import struct
 
+import lazrs
 import numpy as np
 import pytest
 from drive_layouts import write_text
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from intervis.drives import las_mapping, open_drive
 from intervis.drives.las_header import read_las_header
 from intervis.drives.las_mapping import read_trajectory
+from intervis.drives.laz_chunks import check_chunks
 from intervis.errors import CalibrationError, DriveError, ScanError
 from intervis.transform import transform
 
@@ -241,6 +243,27 @@ def test_garbage_in_the_header_is_refused_before_it_is_believed(
         assert len(open_drive(path)) > 0
     else:
         refused(path, reason, ScanError)
+
+
+def test_a_trajectory_without_gaps_is_no_warning(tmp_path, caplog):
+    write_las(tmp_path / "a.las", *world())
+    write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
+    with caplog.at_level(logging.WARNING):
+        open_drive(tmp_path / "a.las")
+    assert caplog.records == []
+
+
+def test_a_chunk_beyond_the_end_of_the_file_is_told(tmp_path):
+    path = write_las(tmp_path / "a.laz", *world(50))
+    header = read_las_header(path)
+    end = header.start + 8
+    with path.open("rb") as file:
+        file.seek(header.start)
+        table = lazrs.read_chunk_table(file, lazrs.LazVlr(header.compression))
+    end += sum(chunk_bytes for _, chunk_bytes in table)
+    check_chunks(path, header, end, 0)
+    with pytest.raises(ScanError, match="one lies outside of it"):
+        check_chunks(path, header, end - 1, 0)
 
 
 def test_a_table_of_too_many_chunks_is_refused(tmp_path):

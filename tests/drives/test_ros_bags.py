@@ -11,7 +11,9 @@ from scanned_room import scanned_room
 from scipy.spatial.transform import Rotation
 
 from intervis.drives import open_drive
+from intervis.drives.mcap_file import McapFile
 from intervis.drives.point_cloud2 import point_cloud2_of, scan_of_cloud
+from intervis.drives.rosbag1_file import Rosbag1File
 from intervis.errors import DriveError, MissingExtraError, ScanError
 from intervis.transform import inverse, rigid
 
@@ -426,6 +428,12 @@ def test_files_that_are_none_are_told(tmp_path, ending, content):
     with pytest.raises(ScanError, match="is no ") as caught:
         open_drive(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("reader", [McapFile, Rosbag1File])
+def test_a_file_that_is_gone_is_told(tmp_path, reader):
+    with pytest.raises(ScanError, match=r"cannot read .*gone: No such file"):
+        reader(tmp_path / "gone")
 
 
 @pytest.mark.parametrize("kind", FORMATS)

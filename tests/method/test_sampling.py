@@ -166,6 +166,10 @@ def test_of_two_members_the_one_nearer_to_the_viewpoint_is_the_node(axis, side):
     assert sample_radius(points, 3.0, viewpoint).tolist() == [1 if side > 0 else 0]
 
 
+def test_no_points_have_no_node_by_radius():
+    assert sample_radius(np.empty((0, 3)), 1.0, ORIGIN).tolist() == []
+
+
 def test_of_copies_the_first_is_the_node():
     points = np.array([[5.0, 0, 0]] * 4 + [[5.0, 2, 0]] * 4 + [[5.0, 1, 0]] * 3)
     assert sample_kernels(points, 11, ORIGIN).tolist() == [8], "the copies at the mean"

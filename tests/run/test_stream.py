@@ -17,7 +17,7 @@ import pytest
 
 import intervis.files
 import intervis.method.analysis
-import intervis.run.stream
+import intervis.run.stretch
 from intervis.drives import open_drive
 from intervis.errors import (
     DriveError,
@@ -29,24 +29,29 @@ from intervis.errors import (
 from intervis.files import write_text
 from intervis.method.analysis import analyze
 from intervis.method.granularity import TauHysteresis
+from intervis.output_folder import MARKER
 from intervis.run.frame_file import (
+    FORMAT,
     FrameRecord,
     frame_path,
     load_analysis,
     load_frame,
     load_record,
 )
-from intervis.run.stream import (
-    FrameFailure,
-    RunSummary,
-    run_drive,
-    selected_frames,
-    start_viewpoint_world,
-)
+from intervis.run.stream import RunSummary, run_drive, selected_frames
+from intervis.run.stretch import FrameFailure
 from intervis.run.summary import differences, same_results, summarize
+from intervis.run.viewpoint import start_viewpoint_world
 from intervis.settings import Settings
 from intervis.transform import rigid
-from small_drive import CAMERA_CENTRE_VELO, MemoryDrive, files_below, scan_folder, street
+from small_drive import (
+    CAMERA_CENTRE_VELO,
+    MemoryDrive,
+    files_below,
+    results,
+    scan_folder,
+    street,
+)
 
 SETTINGS = Settings(tau=5)
 
@@ -72,6 +77,7 @@ def analyzed(drive: MemoryDrive, number: int, **options):
 def test_a_run_writes_one_file_a_frame_by_number_and_its_settings(tmp_path):
     summary = run_drive(MemoryDrive(), tmp_path / "out", settings=SETTINGS)
     assert set(files_below(tmp_path / "out")) == {
+        MARKER,
         "summary.json",
         "settings.toml",
         *(f"frames/000000000{n}.npz" for n in (0, 1, 2, 5)),
@@ -114,6 +120,14 @@ def test_a_file_is_read_once(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "read_bytes", lambda path: reads.append(path) or read(path))
     load_analysis(frame_path(tmp_path, 0))
     assert reads == [frame_path(tmp_path, 0)]
+
+
+def test_compressed_files_are_smaller_and_hold_the_same(tmp_path):
+    run_drive(MemoryDrive((0,)), tmp_path / "stored", settings=SETTINGS)
+    run_drive(MemoryDrive((0,)), tmp_path / "deflated", settings=SETTINGS, compress=True)
+    stored, deflated = (frame_path(tmp_path / name, 0) for name in ("stored", "deflated"))
+    assert deflated.stat().st_size < 0.7 * stored.stat().st_size
+    assert results(tmp_path / "stored") == results(tmp_path / "deflated")
 
 
 def test_no_file_holds_a_pickle(tmp_path):
@@ -186,7 +200,7 @@ def test_dropped_returns_are_counted(tmp_path):
 def test_the_first_frame_is_analysed_once_before_it_is_timed(tmp_path, monkeypatch):
     calls = []
     monkeypatch.setattr(
-        intervis.run.stream, "analyze", lambda *a, **k: calls.append(1) or analyze(*a, **k)
+        intervis.run.stretch, "analyze", lambda *a, **k: calls.append(1) or analyze(*a, **k)
     )
     run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert len(calls) == 4 + 1
@@ -215,11 +229,9 @@ def test_a_second_run_touches_nothing(tmp_path, monkeypatch):
     drive = MemoryDrive()
     first = run_drive(drive, tmp_path, settings=SETTINGS)
     before = files_below(tmp_path)
-    drive.read.clear()
-    monkeypatch.setattr(intervis.run.stream, "analyze", None)  # calling it would fail
+    monkeypatch.setattr(intervis.run.stretch, "analyze", None)  # calling it would fail
     second = run_drive(drive, tmp_path, settings=SETTINGS)
     assert files_below(tmp_path) == before
-    assert drive.read == []
     assert second.reused == 4
     assert [r.measures for r in second.frames] == [r.measures for r in first.frames]
     assert [r.times_s for r in second.frames] == [r.times_s for r in first.frames]
@@ -262,12 +274,15 @@ def test_an_interruption_in_the_middle_of_a_file_leaves_no_part(tmp_path, monkey
     monkeypatch.setattr(intervis.files.os, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
         run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
-    assert set(files_below(tmp_path)) == {"settings.toml", "summary.json", "frames/0000000000.npz"}
+    left = {MARKER, "settings.toml", "summary.json", "frames/0000000000.npz"}
+    assert set(files_below(tmp_path)) == left
 
 
 def bomb() -> bytes:
     """A small archive that declares three arrays of 0.8 GB."""
-    buffer = io.BytesIO(archive(format=np.array(2), a=np.zeros(1), b=np.zeros(1), c=np.zeros(1)))
+    buffer = io.BytesIO(
+        archive(format=np.array(FORMAT), a=np.zeros(1), b=np.zeros(1), c=np.zeros(1))
+    )
     content = bytearray(buffer.getvalue())
     place = content.find(b"PK\x01\x02")
     while place >= 0:  # the size before compression stands at byte 24 of each directory entry
@@ -296,10 +311,10 @@ def test_a_damaged_frame_is_computed_again(tmp_path, damage):
             "flipped": whole[:middle] + bytes([whole[middle] ^ 0xFF]) + whole[middle + 1 :],
             "empty": b"",
             "foreign": b"not an archive",
-            "several": archive(format=np.array([2, 2])),
+            "several": archive(format=np.array([FORMAT, FORMAT])),
             "text": archive(format=np.array("two")),
             "array": archive(
-                format=np.array(2), number=np.array([1, 2]), measure_names=np.array(3)
+                format=np.array(FORMAT), number=np.array([1, 2]), measure_names=np.array(3)
             ),
             "bomb": bomb(),
         }[damage]
@@ -422,6 +437,7 @@ def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path, monkeypatch):
         with pytest.raises(OutputError, match=r"0000000002\.npz: the disk is full; free some"):
             run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert set(files_below(tmp_path)) == {
+        MARKER,
         "settings.toml",
         "summary.json",
         "frames/0000000000.npz",
@@ -470,6 +486,7 @@ def test_overwriting_removes_the_run_and_nothing_else(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     run_drive(MemoryDrive((0, 1)), tmp_path, settings=Settings(tau=6), overwrite=True)
     assert set(files_below(tmp_path)) == {
+        MARKER,
         "notes.txt",
         "settings.toml",
         "summary.json",
@@ -515,7 +532,7 @@ def test_invalid_settings_stop_the_run(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise SettingsError("never.")
 
-    monkeypatch.setattr(intervis.run.stream, "analyze", refuse)
+    monkeypatch.setattr(intervis.run.stretch, "analyze", refuse)
     with pytest.raises(SettingsError, match="never"):
         run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
 

@@ -139,6 +139,16 @@ def test_a_closed_wall_is_one_surface():
     assert (image.pixels[:, beyond] == 0).all()
 
 
+def test_a_wall_at_half_a_metre_is_drawn_as_one_at_ten():
+    near = Sensor("near", 16, -24.0, 6.0, 5.0, 0.1, 60.0, 0.1)
+    columns = {c: [(-0.3 + SPACING * k, 0.5) for k in range(16)] for c in range(COLUMNS)}
+    image = check(columns, near)
+    e = image.elevation_from + np.arange(image.pixels.shape[1]) * image.elevation_step
+    inside = (e > -0.3) & (e < -0.3 + 15 * SPACING - 0.001)
+    assert inside.sum() > 30
+    assert (image.pixels[:, inside] > 0).all()
+
+
 @pytest.mark.parametrize(("missing", "filled"), [([20], True), ([20, 21], False), ([71], True)])
 def test_one_missed_column_is_filled_and_two_are_not(missing, filled):
     columns = {

@@ -72,6 +72,15 @@ def test_a_run_finds_the_survivor_and_goes_on_where_it_stopped(project):
     assert "3 mutants, 0 of them" in run(project, "--list").stdout
 
 
+def test_tests_that_do_not_start_are_no_kills(project):
+    file = project / "tests/made/test_steps.py"
+    text = "def test_all():\n    import os\n    from made.steps import larger\n"
+    file.write_text(text + "    larger(2, 1) == 2 or os._exit(4)\n")
+    stopped = run(project)
+    assert stopped.returncode == 1
+    assert "the tests do not start" in stopped.stderr
+
+
 def test_equivalent_mutants_are_left_out_with_a_reason(project):
     listed = project / "tools" / "equivalent_mutants.txt"
     listed.parent.mkdir()

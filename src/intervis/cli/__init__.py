@@ -18,6 +18,7 @@ COMMANDS = {
     "objects": "intervis.cli.objects",
     "blindspots": "intervis.cli.blind_spots",
     "replay": "intervis.cli.replay",
+    "warm": "intervis.cli.warm",
     "evaluate": "intervis.lab.cli.evaluate",
     "reproduce": "intervis.lab.cli.reproduce",
     "interpretations": "intervis.lab.cli.reproduce",
@@ -25,6 +26,7 @@ COMMANDS = {
     "demo": "intervis.lab.cli.world",
     "calibrate": "intervis.lab.cli.calibrate",
     "matrix": "intervis.lab.cli.matrix",
+    "bench": "intervis.lab.cli.bench",
 }
 """Module of each command; the function has the name of the command.
 

@@ -95,6 +95,27 @@ def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
     return first, stop
 
 
+def shard(text: str | None) -> tuple[int, int] | None:
+    """Number of a shard, from 1, and how many there are, from ``I/N``.
+
+    Raises
+    ------
+    SettingsError
+        The text is not I/N with I from 1 to N.
+
+    Examples
+    --------
+    >>> shard("2/8")
+    (2, 8)
+    """
+    if text is None:
+        return None
+    number, _, count = text.partition("/")
+    if number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
+        return int(number), int(count)
+    raise SettingsError(f"--shard must be I/N, with I from 1 to N, got {text!r}.")
+
+
 def settings(file: Path | None, tau: str | None, changes: list[str]) -> "Settings":
     """Settings from a TOML file, then ``--tau``, then each ``--set name=value``.
 

@@ -75,6 +75,7 @@ def _root(
     # At DEBUG these packages log whole compilations; only messages of this package are wanted.
     for package in ("numba", "matplotlib", "PIL"):
         logging.getLogger(package).setLevel(logging.WARNING)
+    logging.getLogger("intervis.kernels").setLevel(logging.DEBUG if verbose else logging.INFO)
     if context.invoked_subcommand is None:
         show(context.get_help())
         raise typer.Exit(WRONG_REQUEST)

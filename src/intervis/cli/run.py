@@ -1,21 +1,37 @@
 """``intervis run``: the paper's method over a drive, or over one scan."""
 
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from intervis.cli import options
 from intervis.cli.terminal import InterruptedRunError, complain, progress, show, tell
+from intervis.errors import IntervisError, OutputError, SettingsError
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from intervis.drives import Drive
-    from intervis.run.stream import RunSummary, Viewpoint
+    from intervis.run.run_folder import Shard
+    from intervis.run.stream import RunSummary
+    from intervis.run.viewpoint import Viewpoint
 
 Source = Annotated[
     Path,
     typer.Argument(
         help="A drive (KITTI raw, odometry, object; a folder of scans) or one scan file."
+    ),
+]
+Sources = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SOURCE...",
+        help="Drives (KITTI raw, odometry, object; a folder of scans) or scan files. The results of"
+        " several stand in folders of their own names below --out.",
     ),
 ]
 CameraName = Annotated[
@@ -30,8 +46,19 @@ SettingChanges = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class _Request:
+    """What is asked of every drive of a run."""
+
+    options: dict[str, Any]
+    report: bool
+    workers: int
+    executor: str | None
+    shard: "Shard | None"
+
+
 def run(
-    source: Source,
+    sources: Sources,
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")],
     tau: Annotated[
         str | None, typer.Option(metavar="K|auto", help="Granularity: number of returns per node.")
@@ -61,44 +88,140 @@ def run(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Remove an earlier run in --out first.")
     ] = False,
+    compress: Annotated[
+        bool, typer.Option("--compress", help="Deflate the frame files: smaller, and slower.")
+    ] = False,
+    workers: Annotated[
+        int, typer.Option(metavar="N", help="Analyse frames side by side in N processes.")
+    ] = 1,
+    executor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="dask|dask:ADDRESS",
+            help="Use dask workers: N of this machine, or those of a scheduler.",
+        ),
+    ] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            metavar="I/N",
+            help="Analyse one of N parts of the frames; other processes may analyse the others.",
+        ),
+    ] = None,
 ) -> int:
-    """Run the method over a drive or one scan.
+    """Run the method over drives or scans.
 
     Writes one file per frame and a summary, and prints a table of the paper's measures. The same
     command resumes an interrupted run.
     """
-    origin = options.viewpoint(viewpoint)
-    frame_range = options.frame_range(frames)
-    chosen = options.settings(settings, tau, changes or [])
+    request = _Request(
+        {
+            "viewpoint": options.viewpoint(viewpoint),
+            "frames": options.frame_range(frames),
+            "settings": options.settings(settings, tau, changes or []),
+            "overwrite": overwrite,
+            "compress": compress,
+        },
+        report,
+        workers,
+        _executor_name(executor),
+        options.shard(shard),
+    )
+    if report and request.shard is not None:
+        raise SettingsError(
+            "a shard has no report: run the command without --shard after the shards."
+        )
+    if len(sources) == 1:
+        return _run_one(sources[0], out, camera, request)
+    failed = False
+    for place, (source, folder) in enumerate(zip(sources, _folders(sources, out), strict=True)):
+        show(f"{source}:" if place == 0 else f"\n{source}:")
+        try:
+            failed |= bool(_run_one(source, folder, camera, request, place))
+        except SettingsError:
+            raise  # every drive would fail in the same way
+        except IntervisError as error:
+            complain(f"{source}: {error}")
+            failed = True
+    return 1 if failed else 0
 
+
+def _folders(sources: Sequence[Path], out: Path) -> list[Path]:
+    """A folder below `out` for each of several sources, by its name."""
+    names = [source.resolve().name for source in sources]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise OutputError(
+            f"several of the drives are called {twice[0]}, and their results would meet in one"
+            " folder: run them one by one, with an --out for each."
+        )
+    return [out / name for name in names]
+
+
+def _run_one(source: Path, out: Path, camera: str | None, request: _Request, place: int = 0) -> int:
+    """Run the method over one drive; `place` is its number among several."""
     from intervis.drives import open_drive
-    from intervis.run.stream import run_drive, selected_frames
+    from intervis.run.stream import selected_frames
 
     drive = open_drive(source, camera=camera)
-    if report:
+    if request.report:
         from intervis.run.report import check_report
 
         check_report(out, out)
-    _note_missing_camera(drive, origin)
-    total = len(selected_frames(drive.frame_numbers, frame_range))
+    _note_missing_camera(drive, request.options["viewpoint"])
+    total = len(selected_frames(drive.frame_numbers, request.options["frames"]))
     try:
-        with progress("frames", total) as advance:
-            summary = run_drive(
-                drive,
-                out,
-                settings=chosen,
-                viewpoint=origin,
-                frames=frame_range,
-                progress=advance,
-                overwrite=overwrite,
-            )
+        summary = _run_drive(drive, out, total, request, place)
     except KeyboardInterrupt:
-        command = "the same command" + (" without --overwrite" if overwrite else "")
+        command = "the same command"
+        command += " without --overwrite" if request.options["overwrite"] else ""
         raise InterruptedRunError(f"interrupted: {command} resumes the run in {out}.") from None
     show_run(summary)
-    if report and summary.frames:
+    if request.shard is not None:
+        number, count = request.shard
+        show(f"Shard {number} of {count}: the command without --shard writes the summary.")
+    if request.report and summary.frames:
         show_report(drive, summary, out)
     return 1 if summary.failures else 0
+
+
+def _run_drive(
+    drive: "Drive", out: Path, total: int, request: _Request, place: int
+) -> "RunSummary":
+    """Run a drive, with new workers where some were lost."""
+    from intervis.run.stream import WorkersLostError, run_drive
+
+    shard = request.shard
+    if shard is not None:  # of short drives, each has its first stretch in another shard
+        shard = ((shard[0] - 1 - place) % shard[1] + 1, shard[1])
+    chosen = dict(request.options)
+    for attempts_left in (2, 1, 0):
+        try:
+            with _executor(request) as executor, progress("frames", total) as advance:
+                return run_drive(
+                    drive, out, progress=advance, executor=executor, shard=shard, **chosen
+                )
+        except WorkersLostError:
+            if not attempts_left:
+                raise
+            tell("note: a worker ended before its work was done; new ones go on.")
+            chosen["overwrite"] = False  # what there is now is of this run
+    raise AssertionError("the last attempt returns or raises")
+
+
+def _executor(request: _Request) -> "AbstractContextManager[Executor | None]":
+    from intervis.run.workers import dask_workers, process_workers
+
+    if request.executor is not None:
+        address = request.executor.removeprefix("dask").removeprefix(":")
+        return dask_workers(address or None, request.workers)
+    return process_workers(request.workers) if request.workers != 1 else nullcontext()
+
+
+def _executor_name(given: str | None) -> str | None:
+    if given is not None and given != "dask" and not given.startswith("dask:"):
+        raise SettingsError(f"--executor must be dask or dask:ADDRESS, got {given!r}.")
+    return given
 
 
 def _note_missing_camera(drive: "Drive", viewpoint: "Viewpoint") -> None:
@@ -144,6 +267,9 @@ def show_run(summary: "RunSummary") -> None:
         show(f"{dropped} rows that are no return (NaN, infinite, or 0, 0, 0) were ignored.")
     if summary.reused:
         show(f"{summary.reused} of {len(summary.frames)} frames were reused from an earlier run.")
+    for record in summary.frames:
+        if record.remade:
+            tell(f"note: frame {record.number} was computed again: {record.remade}")
     show(f"Results: {summary.out}")
     for failure in summary.failures:
         complain(f"frame {failure.number} failed: {failure.reason}")

@@ -1,6 +1,7 @@
 """Processing of a drive frame by frame: results on disk, their summary, and the report of a run."""
 
 from intervis.run.frame_file import FrameRecord, load_analysis
-from intervis.run.stream import FrameFailure, RunSummary, run_drive
+from intervis.run.stream import RunSummary, run_drive
+from intervis.run.stretch import FrameFailure
 
 __all__ = ["FrameFailure", "FrameRecord", "RunSummary", "load_analysis", "run_drive"]

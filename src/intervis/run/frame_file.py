@@ -1,10 +1,12 @@
 """The result of one frame as a file: plain arrays, no pickle, written atomically."""
 
 import dataclasses
+import hashlib
 import io
+import json
 import tomllib
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from intervis.drives import Frame
     from intervis.method.analysis import Analysis
 
-FORMAT = 2
+FORMAT = 3
 """Version of the layout of a frame file; files of other versions are refused."""
 
 MOST_BYTES = 2**31
@@ -45,6 +47,8 @@ class FrameRecord:
         The granularity used; None where nodes were sampled by a radius.
     reused : bool
         True where an earlier run had already written the frame.
+    remade : str
+        Why the file of an earlier run was replaced; empty if it was not.
 
     Examples
     --------
@@ -57,6 +61,7 @@ class FrameRecord:
     times_s: Mapping[str, float]
     tau: int | None = None
     reused: bool = False
+    remade: str = ""
 
     def __repr__(self) -> str:
         parts = [] if self.tau is None else [f"tau {self.tau}"]
@@ -67,6 +72,8 @@ class FrameRecord:
             parts.append(f"total {1e3 * self.times_s['total']:.1f} ms")
         if self.reused:
             parts.append("reused")
+        if self.remade:
+            parts.append("made again")
         return f"<FrameRecord {self.number}: {', '.join(parts)}>"
 
 
@@ -81,34 +88,59 @@ def frame_path(out: Path, number: int) -> Path:
     return out / "frames" / f"{number:010d}.npz"
 
 
-def save_frame(path: Path, frame: "Frame", analysis: "Analysis") -> FrameRecord:
+def frame_fingerprint(frame: "Frame", settings: Settings, viewpoint: str | Sequence[float]) -> str:
+    """Digest of all that the analysis of a frame depends on, as 32 hexadecimal digits.
+
+    Points, pose, camera, number and time of the frame, the settings and the viewpoint of the run.
+    """
+    digest = hashlib.blake2b(digest_size=16)
+    run = [FORMAT, settings.model_dump(mode="json"), viewpoint]
+    digest.update(json.dumps(run, sort_keys=True, default=str).encode())
+    for name, array in {**_arrays_of_frame(frame), "points": frame.points}.items():
+        array = np.ascontiguousarray(array)
+        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        digest.update(array.data)
+    return digest.hexdigest()
+
+
+def save_frame(
+    path: Path,
+    frame: "Frame",
+    analysis: "Analysis",
+    fingerprint: str,
+    *,
+    compress: bool = False,
+    remade: str = "",
+) -> FrameRecord:
     """Write an analysis, and what is known of its frame except points and image.
 
     Array fields keep their names. ``measures`` and ``times_s`` are vectors; ``measure_names`` and
     ``time_names`` name their entries. ``settings_toml`` is text. ``number``, ``timestamp_ns``,
     ``world_from_velo``, ``cam_from_velo``, ``projection`` and ``image_size_px`` come from the
-    frame, if it has them.
+    frame, if it has them. ``fingerprint`` is that of `frame_fingerprint`.
 
     Raises
     ------
     OutputError
         The file cannot be written.
     """
-    record = record_of(frame.number, analysis)
+    record = dataclasses.replace(record_of(frame.number, analysis), remade=remade)
     arrays = {**_arrays_of_frame(frame), **_arrays_of_analysis(analysis)}
     arrays["measure_names"] = np.array(list(record.measures))
     arrays["measures"] = np.array(list(record.measures.values()), dtype=np.float64)
     arrays["time_names"] = np.array(list(record.times_s))
     arrays["times_s"] = np.array(list(record.times_s.values()), dtype=np.float64)
+    arrays["fingerprint"] = np.array(fingerprint)
     if record.tau is not None:
         arrays["tau"] = np.array(record.tau)
-    write_whole(path, lambda file: _write_archive(file, arrays))
+    write_whole(path, lambda file: _write_archive(file, arrays, compress=compress))
     return record
 
 
-def _write_archive(file: BinaryIO, arrays: Arrays) -> None:
-    # As np.savez_compressed, but without pickle and with the fastest compression level.
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+def _write_archive(file: BinaryIO, arrays: Arrays, *, compress: bool) -> None:
+    # As np.savez or np.savez_compressed, but without pickle, and at the fastest level.
+    method = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
+    with zipfile.ZipFile(file, "w", method, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
@@ -218,15 +250,18 @@ def load_analysis(path: Path) -> "Analysis":
         raise OutputError(f"{path} is not a frame file of this version of intervis.") from error
 
 
-def load_record(path: Path) -> FrameRecord:
+def load_record(path: Path, fingerprint: str | None = None) -> FrameRecord:
     """The record of a frame, read from its frame file.
 
     Raises
     ------
     OutputError
-        As `load_frame`.
+        As `load_frame`; or the file was not made from the input and settings of `fingerprint`.
     """
-    return _record(path, load_frame(path))
+    arrays = load_frame(path)
+    if fingerprint is not None and str(arrays.get("fingerprint")) != fingerprint:
+        raise OutputError(f"{path} was made from another scan, pose, camera or setting.")
+    return _record(path, arrays)
 
 
 def _record(path: Path, arrays: Arrays) -> FrameRecord:

@@ -13,6 +13,7 @@ import numpy as np
 
 import intervis
 from intervis.errors import OutputError
+from intervis.output_folder import is_marked
 from intervis.run.frame_file import FrameRecord
 from intervis.settings import Settings
 
@@ -82,8 +83,8 @@ def summarize(
     """
     return {
         **head,
-        "versions": _versions(),
-        "machine": _machine(),
+        "versions": version_numbers(),
+        "machine": machine(),
         "complete": complete,
         "timing": "seconds; without compilation (the first frame is analysed once before the timed"
         " analysis) and without reading or writing files",
@@ -130,7 +131,8 @@ def read_summary(path: Path) -> Content | None:
         content = None
     if not isinstance(content, dict) or "settings" not in content:
         raise OutputError(
-            f"{path} is not the summary of a run: choose another folder, or overwrite it."
+            f"{path} is not the summary of a run: choose another folder"
+            f"{', or overwrite it' if is_marked(path.parent) else ''}."
         )
     return content
 
@@ -175,7 +177,8 @@ def _json_number(value: float | np.floating[Any]) -> float | int | None:
     return int(number) if number.is_integer() else number
 
 
-def _versions() -> Content:
+def version_numbers() -> Content:
+    """Versions of the package, of Python, and of the libraries that compute."""
     return {
         "intervis": intervis.__version__,
         "python": platform.python_version(),
@@ -183,7 +186,8 @@ def _versions() -> Content:
     }
 
 
-def _machine() -> Content:
+def machine() -> Content:
+    """System, processor, and the number of cores that this process may use."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {"system": platform.platform(), "processor": _processor_name(), "cpus": usable}
 

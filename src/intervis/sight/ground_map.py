@@ -65,14 +65,16 @@ def ground_height(scans: PackedScans, xy: Float64Array) -> Float64Array:
     """Height (N,) of the ground below points (N, 2) of the scene, by the nearest scan; metres.
 
     Where that scan does not show the ground, that of the nearest cell where it does; NaN if it
-    shows none.
+    shows none, or the point is not finite.
     """
+    finite = np.asarray(np.isfinite(xy).all(axis=1))
+    xy = np.where(finite[:, None], xy, 0.0)
     to_scans = np.linalg.norm(xy[:, None] - scans.position[None, :, :2], axis=2)
     nearest = to_scans.argmin(axis=1)
     from_sensor = xy - scans.position[nearest, :2]
-    cell = np.floor((from_sensor + BORDER_M) / CELL_M).astype(np.int64) + CELLS // 2
-    a, b = np.clip(cell, 0, CELLS - 1).T
+    cell = np.floor((from_sensor + BORDER_M) / CELL_M) + CELLS // 2
+    a, b = np.clip(cell, 0, CELLS - 1).astype(np.int64).T
     ground_m = scans.ground[nearest, a, b].astype(np.float64)
     assumed = ground_m < -0.5 * ASSUMED_OFFSET_M
     ground_m += np.where(assumed, ASSUMED_OFFSET_M, 0.0)
-    return np.asarray(scans.position[nearest, 2] + ground_m)
+    return np.where(finite, scans.position[nearest, 2] + ground_m, np.nan)

@@ -358,7 +358,7 @@ class Scene:
         """Height (N,) of the ground below points (N, 2), scene frame, metres.
 
         From the scan that is nearest to each point. Where it does not show the ground, that of the
-        nearest square metre where it does; NaN if it shows none.
+        nearest square metre where it does; NaN if it shows none, or for a point that is not finite.
 
         Raises
         ------

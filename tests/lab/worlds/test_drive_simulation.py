@@ -434,13 +434,12 @@ def test_a_full_disk_leaves_nothing(layout: str, tmp_path: Path, monkeypatch) ->
     assert not list(tmp_path.iterdir())
 
 
-def test_an_interruption_leaves_nothing_and_an_older_one_is_replaced(tmp_path, monkeypatch) -> None:
-    (tmp_path / ".out.part").mkdir()
-    (tmp_path / ".out.part" / "000000.pcd").write_text("of a killed process")
-    (tmp_path / "out").mkdir()  # empty: taken
+def test_an_interruption_leaves_nothing_and_an_empty_folder_is_taken(tmp_path) -> None:
+    (tmp_path / "out").mkdir()
 
     def interrupt(note: str) -> None:
-        assert (tmp_path / ".out.part" / "000000.pcd").read_bytes().startswith(b"# .PCD")
+        (scan,) = tmp_path.rglob(".out.*.part/000000.pcd")
+        assert scan.read_bytes().startswith(b"# .PCD")
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

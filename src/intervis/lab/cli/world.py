@@ -75,8 +75,10 @@ def demo(
     """
     from intervis.drives import open_drive
     from intervis.run import run_drive
+    from intervis.warm_up import start
 
     _refuse_foreign(out)
+    compiled = start("sight lines")  # beside the simulation and the analysis
     drive = open_drive(_simulate(out / "drive", frames, seed))
     with progress("analysis", len(drive.frame_numbers)) as advance:
         summary = run_drive(
@@ -88,6 +90,7 @@ def demo(
     show_run(summary)
     show(f"Drive: {drive.root}")
     note = f"A simulated drive through the built-in street, seed {seed}."
+    compiled.wait()
     show_report(drive, summary, out, source_note=note)
     return 1 if summary.failures else 0
 

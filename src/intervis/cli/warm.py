@@ -1,0 +1,19 @@
+"""``intervis warm``: compile the kernels before they are needed."""
+
+from intervis.cli.terminal import progress, show
+from intervis.errors import OutputError
+
+
+def warm() -> None:
+    """Compile all kernels, once for each version and machine, so that no later command has to.
+
+    Takes about a minute; where the kernels are compiled already, some seconds.
+    """
+    from intervis.warm_up import PARTS, start
+
+    with progress("compiling", len(PARTS)) as advance:
+        for name, process in [(name, start(name)) for name in PARTS]:
+            if process.wait() != 0:
+                raise OutputError(f"the kernels of {name} could not be compiled: see above.")
+            advance(name)
+    show("All kernels are compiled.")

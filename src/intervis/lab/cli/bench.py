@@ -1,0 +1,86 @@
+"""``intervis bench``: our times beside those of other tools, in one run."""
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from intervis.cli.terminal import progress, show
+from intervis.errors import SettingsError
+
+if TYPE_CHECKING:
+    from intervis.drives import Drive
+
+
+def bench(
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            help="A drive or one scan file; default: a drive through the built-in world."
+        ),
+    ] = None,
+    frame: Annotated[
+        int | None, typer.Option("--frame", metavar="N", help="Frame number; default: the first.")
+    ] = None,
+    rounds: Annotated[int, typer.Option(metavar="N", help="Rounds, 3 or more.")] = 9,
+    only: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Only works whose name holds this text.")
+    ] = None,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write all times as JSON.")
+    ] = None,
+    compare: Annotated[
+        Path | None,
+        typer.Option("--compare", metavar="FILE", help="Show the change since an earlier --json."),
+    ] = None,
+) -> None:
+    """Time the package beside other tools, interleaved, as medians.
+
+    Tools that are installed take part: scipy, Embree, and Open3D and PythonCDT if they are there.
+    """
+    from intervis.cli.options import check_output_file
+    from intervis.files import write_text
+    from intervis.lab.speed.comparison import as_json, changes_table, read_earlier, timings_table
+    from intervis.lab.speed.timing import LEAST_ROUNDS, interleaved
+    from intervis.lab.speed.works import question_of, works_of
+    from intervis.run.summary import machine, version_numbers
+
+    if rounds < LEAST_ROUNDS:
+        raise SettingsError(f"--rounds must be {LEAST_ROUNDS} or more, got {rounds}.")
+    check_output_file(json)
+    earlier = None if compare is None else read_earlier(compare)
+    with tempfile.TemporaryDirectory() as folder:
+        drive = _drive(source, Path(folder))
+        number = drive.frame_numbers[0] if frame is None else frame
+        works = [
+            work
+            for work in works_of(question_of(drive, number))
+            if only is None or only in f"{work.group}, {work.by}"
+        ]
+        if not works:
+            raise SettingsError(f"no work has a name with {only!r}: run once without --only.")
+        with progress("timing", len(works) * (rounds + 1)) as advance:
+            timings = interleaved(works, rounds, progress=advance)
+    on, versions = machine(), version_numbers()
+    notes = [
+        f"{drive.name}, frame {number}. {on['processor']}, {on['cpus']} cores in use.",
+        f"{', '.join(f'{name} {text}' for name, text in versions.items())}.",
+    ]
+    show(timings_table(timings, notes).as_text())
+    if earlier is not None:
+        show("\n" + changes_table(timings, earlier).as_text())
+    if json is not None:
+        head = {"drive": drive.name, "frame": number, "machine": on, "versions": versions}
+        write_text(json, as_json(timings, head))
+
+
+def _drive(source: Path | None, folder: Path) -> "Drive":
+    from intervis.drives import open_drive
+
+    if source is not None:
+        return open_drive(source)
+    from intervis.lab.worlds import simulate
+
+    with progress("simulation", 14) as advance:
+        return open_drive(simulate(folder / "drive", frames=14, images=False, progress=advance))

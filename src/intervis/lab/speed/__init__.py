@@ -1,0 +1,1 @@
+"""Speed: the package's work timed beside that of other tools, interleaved in one run."""

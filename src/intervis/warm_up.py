@@ -1,0 +1,86 @@
+"""Compile the kernels before they are needed: for images of containers, and for live nodes."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+
+import numpy as np
+
+from intervis.arrays import Float64Array
+from intervis.camera import Camera
+from intervis.method.analysis import analyze
+from intervis.progress import Progress, silent
+from intervis.settings import Settings
+from intervis.sight import Scene, explain
+from intervis.transform import rigid
+from intervis.uses import blind_spots, visibility_grid
+
+
+def warm_up(*, progress: Progress | None = None) -> None:
+    """Compile all kernels of the method and of sight lines, or load them from the cache on disk.
+
+    Without it the first analysis and the first sight line of a process take that time: about a
+    minute for all kernels where nothing has been compiled yet, about a second afterwards.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called after each of the two `PARTS`.
+
+    Examples
+    --------
+    >>> import intervis
+    >>> intervis.warm_up()
+    """
+    for name, part in PARTS.items():
+        part()
+        (progress or silent)(name)
+
+
+def start(part: str) -> "subprocess.Popen[bytes]":
+    """Compile one of the `PARTS` in a process of its own, beside other work."""
+    program = f"from intervis.warm_up import PARTS; PARTS[{part!r}]()"
+    return subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.DEVNULL)
+
+
+def _method() -> None:
+    """Analyse a small scan, from all returns and from a few."""
+    points = _returns()
+    for kind in (np.float32, np.float64):
+        for settings in (Settings(tau=1), Settings(tau=8)):
+            analyze(
+                points.astype(kind),
+                camera=Camera(np.eye(3, 4), 2, 2, "warm"),
+                cam_from_velo=rigid([[0, -1, 0], [0, 0, -1], [1, 0, 0]], [0, 0, 0]),
+                settings=settings,
+            )
+
+
+def _sight() -> None:
+    """Ask all that a scene answers, of scans with and without times."""
+    points = _returns()
+    still = Scene.from_scan(points.astype(np.float32))
+    explain(still, [0, 0, 0], [30, 0, 0])
+    blind_spots(visibility_grid(still, [0, 0, 0], points, reach_m=6.0))
+    scene = Scene()
+    for second in range(3):
+        scene.add(points, rigid(np.eye(3), [0.3 * second, 0, 0]), float(second))
+    scene.sight([0, 0, 0], points[::50], moment_s=1.0)
+    scene.sight_within([[0, 0, 0]], points[::50], 12.0)
+    scene.sight_boxes([0, 0, 0], [rigid(np.eye(3), [25.0, 0, 0])], [[4.0, 2.0, 1.5]])
+    scene.unobserved_length([0, 0, 0], [30, 0, 0])
+    scene.ground_height(points[::50, :2])
+
+
+def _returns() -> Float64Array:
+    """(N, 3) returns from a street with a wall across it, metres."""
+    azimuth, elevation = np.meshgrid(np.radians(np.arange(-180, 180)), np.linspace(-0.4, 0.1, 32))
+    x, y, z = np.cos(azimuth), np.sin(azimuth), np.tan(elevation)
+    reach_m = 1.7 / np.maximum(-z, 0.04)  # to the ground, or 42 m
+    reach_m = np.minimum(reach_m, np.where(x > 0.1, 20.0 / np.maximum(x, 0.1), np.inf))
+    points = reach_m[..., None] * np.stack([x, y, z], axis=-1)
+    return np.asarray(points.reshape(-1, 3))
+
+
+PARTS: dict[str, Callable[[], None]] = {"method": _method, "sight lines": _sight}
+"""What is compiled together."""
