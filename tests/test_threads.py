@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 
 import intervis
 from intervis import directions
-from intervis.method import surface
 
 
 @pytest.fixture
@@ -22,20 +21,9 @@ def workers(monkeypatch) -> list[int]:
             asked.append(workers)
             return super().query(*arguments, workers=workers, **options)
 
-    for module in (surface, directions):
-        monkeypatch.setattr(module, "cKDTree", Recorded)
+    monkeypatch.setattr(directions, "cKDTree", Recorded)
     monkeypatch.setenv("INTERVIS_THREADS", "2")
     return asked
-
-
-def test_nearest_neighbours(workers, rng):
-    surface.nearest_neighbours(rng.normal(size=(5000, 3)))
-    assert workers == [2]
-
-
-def test_a_short_query_runs_on_one_thread(workers, rng):
-    surface.nearest_neighbours(rng.normal(size=(100, 3)))
-    assert workers == [1]
 
 
 def test_nearest_directions(workers, rng):

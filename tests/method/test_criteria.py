@@ -11,14 +11,39 @@ from intervis.method.criteria import (
     elevation_angle_rad,
     gate_threshold,
     intervisible_region,
+    mix_planes_criterion,
     reachable_tree,
-    theta_1_deg,
     unoccluded,
 )
 from intervis.method.mesh import build_mesh, star_centroids
 from intervis.method.surface import build_surface
 
 ORIGIN = np.zeros(3)
+
+
+def theta_1_deg(points, viewpoint, source, target):
+    """theta_1 (Eq. 13): the angle at i between the directions to P0 and to j; NaN for no angle."""
+    to_viewpoint, to_neighbour = viewpoint - points[source], points[target] - points[source]
+    norms = np.linalg.norm(to_viewpoint, axis=1) * np.linalg.norm(to_neighbour, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosine = (to_viewpoint * to_neighbour).sum(axis=1) / norms
+    return np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+@pytest.mark.parametrize("criterion", ["elevation", "sight_angle"])
+def test_the_signs_decide_as_the_angles_do(rng, criterion):
+    """Lines 6 and 8 by the angle itself: more and less than 90 degrees."""
+    points = np.vstack([rng.normal(size=(300, 3)) * 10, rng.integers(-2, 3, (300, 3))])
+    viewpoint = np.array([1.0, 0.0, 0.5])
+    source, target = rng.integers(0, 600, (2, 20_000))
+    theta = theta_1_deg(points, viewpoint, source, target)
+    height = elevation_angle_rad(points, viewpoint) if criterion == "sight_angle" else points[:, 2]
+    rise = height[target] - height[source]
+    expected = ((theta > 90.0) & (rise > 0)) | ((theta < 90.0) & (rise < 0))
+    near = np.abs(theta - 90.0) < 1e-9  # by rounding alone, but for right angles
+    found = mix_planes_criterion(points, viewpoint, source, target, criterion)
+    assert (found == expected)[~near].all()
+    assert 5_000 < expected.sum() < 15_000
 
 
 def test_equation_13_on_paper():
@@ -180,20 +205,21 @@ def test_the_gate_compares_the_degree_with_the_flow_distance():
 
 
 def test_region_needs_three_points_and_two_edges():
-    triangles, edges = (
+    triangles, sides = (  # the edges are 0 - 1, 0 - 2, 1 - 2, 1 - 3, 2 - 3
         np.array([[0, 1, 2], [1, 3, 2]]),
-        np.array([[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]),
+        np.array([[0, 2, 1], [3, 4, 2]]),
     )
     every = np.ones(4, bool)
 
     def region(node, edge):
-        return intervisible_region(triangles, edges, np.array(node), np.array(edge)).tolist()
+        return intervisible_region(triangles, sides, np.array(node), np.array(edge)).tolist()
 
     assert region(every, np.array([1, 1, 0, 0, 0], bool)) == [True, False]
     assert region(every, np.array([1, 0, 0, 0, 1], bool)) == [False, False]
     assert region(every, np.array([0, 0, 1, 1, 0], bool)) == [False, True]
     assert region([True, True, False, True], np.ones(5, bool)) == [False, False]
-    assert intervisible_region(np.empty((0, 3), int), edges, every, np.ones(5, bool)).shape == (0,)
+    none = np.empty((0, 3), int)
+    assert intervisible_region(none, none, every, np.ones(5, bool)).shape == (0,)
 
 
 def test_tree_on_paper():
@@ -338,9 +364,9 @@ def test_directions_are_compared_whatever_the_range():
 
 
 def test_one_triangle_is_a_region():
-    edges = np.array([[0, 1], [0, 2], [1, 2]])
+    sides = np.array([[0, 2, 1]])
     nodes, known = np.ones(3, bool), np.ones(3, bool)
-    assert intervisible_region(np.array([[0, 1, 2]]), edges, nodes, known).tolist() == [True]
+    assert intervisible_region(np.array([[0, 1, 2]]), sides, nodes, known).tolist() == [True]
 
 
 def test_the_region_equals_a_loop_over_triangles(rng):
@@ -353,7 +379,7 @@ def test_the_region_equals_a_loop_over_triangles(rng):
         sides = sum(frozenset(pair) in intervisible for pair in ((a, b), (b, c), (c, a)))
         expected.append(bool(node[a] and node[b] and node[c] and sides >= 2))
     assert 0 < sum(expected) < len(expected)
-    assert intervisible_region(mesh.triangles, mesh.edges, node, edge).tolist() == expected
+    assert intervisible_region(mesh.triangles, mesh.sides, node, edge).tolist() == expected
 
 
 def test_a_neighbour_is_farther_than_a_centroid_that_is_not_there():

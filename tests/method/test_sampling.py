@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from intervis.method.sampling import (
     _first_axis,
     _partition,
-    _select,
     sample_kernels,
     sample_radius,
     sample_stride,
+    select,
 )
 
 ORIGIN = np.zeros(3)
@@ -212,7 +212,7 @@ def test_select_puts_the_smallest_values_first(middle, before, after, data):
     start, stop = before, before + len(middle)
     target = data.draw(st.integers(start, stop - 1))
     kept = value.copy()
-    _select(order, value, start, stop, target)
+    select(order, value, start, stop, target)
     assert sorted(value[start:target].tolist()) == sorted(middle)[: target - start]
     assert value[target] == sorted(middle)[target - start]
     assert (value[start:target] <= value[target]).all()
@@ -238,6 +238,6 @@ def test_select_takes_linear_time_on_sorted_and_reversed_values(share):
     for values in (range(n), range(n, 0, -1), [7] * n, [*range(0, n, 2), *range(n, 0, -2)]):
         value, order = Counted(map(float, values)), list(range(len(values)))
         target = int(share * n)
-        getattr(_select, "py_func", _select)(order, value, 0, len(value), target)
+        getattr(select, "py_func", select)(order, value, 0, len(value), target)
         assert value[target] == sorted(values)[target]
         assert value.reads < 20 * n, "a bad pivot reads half of n * n"

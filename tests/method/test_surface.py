@@ -10,13 +10,13 @@ from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 from scipy.spatial import distance as scipy_distance
 
 from intervis import Settings
+from intervis.method.neighbours import nearest_neighbours
 from intervis.method.surface import (
     build_surface,
     chart_coordinates,
     cohesion_force,
     direct_reach,
     flow_paths,
-    nearest_neighbours,
     repulsion_force,
     whitening,
 )
@@ -75,23 +75,6 @@ def test_single_points_have_a_metric():
         assert np.isfinite(whitening(np.ones((1, 3)), metric)[0]).all()
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(1, 40))
-def test_neighbours_are_the_nearest_others(seed, n):
-    y = np.random.default_rng(seed).normal(size=(n, 3))
-    found = nearest_neighbours(y)
-    square = scipy_distance.cdist(y, y)
-    np.fill_diagonal(square, np.inf)
-    assert found.shape == (n, min(8, n - 1))
-    for i in range(n):
-        assert set(found[i]) == set(np.argsort(square[i])[: min(8, n - 1)])
-
-
-def test_among_copies_a_point_is_not_its_own_neighbour():
-    found = nearest_neighbours(np.zeros((30, 3)))
-    assert found.shape == (30, 8)
-    assert not (found == np.arange(30)[:, None]).any()
-
-
 def brute_force_paths(y, neighbours, reached):
     """Bellman and Ford's relaxation until nothing changes, islands joined one at a time."""
     direct = np.linalg.norm(y, axis=1)
@@ -114,7 +97,7 @@ def brute_force_paths(y, neighbours, reached):
 def test_flow_distance_is_the_shortest_path(seed, n):
     rng = np.random.default_rng(seed)
     y = rng.normal(size=(n, 3)) * 5
-    neighbours = nearest_neighbours(y)[:, :2]  # few ways on, so that islands occur
+    neighbours = nearest_neighbours(y, 8)[:, :2]  # few ways on, so that islands occur
     reached = rng.random(n) < 0.2
     distance, parent = flow_paths(y, neighbours, reached)
     assert np.allclose(distance, brute_force_paths(y, neighbours, reached))
@@ -150,7 +133,7 @@ def test_flow_distance_equals_scipys_dijkstra(seed, n, grid):
     rng = np.random.default_rng(seed)
     # On a small grid many paths have one length, and points coincide.
     y = rng.integers(-3, 4, (n, 3)).astype(float) if grid else rng.normal(size=(n, 3)) * 5
-    neighbours = nearest_neighbours(y)[:, :3]
+    neighbours = nearest_neighbours(y, 8)[:, :3]
     reached = rng.random(n) < 0.2
     distance, parent = flow_paths(y, neighbours, reached)
     assert np.allclose(distance, scipy_paths(y, neighbours, reached), rtol=1e-14, atol=1e-300)
@@ -367,7 +350,7 @@ def repulsion_by_definition(y, distance, parent, scale, radius):
 def test_repulsion_equals_a_loop(seed, scale, radius):
     rng = np.random.default_rng(seed)
     y = rng.normal(size=(40, 3)) * 4
-    distance, parent = flow_paths(y, nearest_neighbours(y), rng.random(40) < 0.1)
+    distance, parent = flow_paths(y, nearest_neighbours(y, 8), rng.random(40) < 0.1)
     if radius == 0.5:
         y, distance = 0.1 * y, 0.1 * distance
     expected = repulsion_by_definition(y, distance, parent, scale, radius)
@@ -403,7 +386,7 @@ def test_the_surface_is_built_from_its_parts(seed, metric):
     weight = whitening(points, metric)[0]
     y = (points - viewpoint) @ weight
     assert np.allclose(surface.metric_position, y)
-    neighbours = nearest_neighbours(y)
+    neighbours = nearest_neighbours(y, 8)
     reached = np.array(reached_by_definition(points, viewpoint, y))
     distance = scipy_paths(y, neighbours, reached)
     assert np.allclose(surface.flow_distance, distance)

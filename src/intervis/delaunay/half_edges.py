@@ -64,8 +64,10 @@ def write_half_edges(
 
 
 @kernel
-def write_edges(start: Int32Array, opposite: Int32Array, nodes: int, edges: IntArray) -> None:
-    """Write each edge once, smaller row first, sorted.
+def write_edges(
+    start: Int32Array, opposite: Int32Array, nodes: int, edges: IntArray, side: Int32Array
+) -> None:
+    """Write each edge once, smaller row first, sorted; and the edge of each half edge.
 
     Parameters
     ----------
@@ -74,34 +76,41 @@ def write_edges(start: Int32Array, opposite: Int32Array, nodes: int, edges: IntA
     nodes : int
         Rows are smaller than this.
     edges : (E, 2) int64 array
+    side : (3 F,) int32 array
     """
     # Counting sorts by the larger row, then by the smaller one, which keeps the order of the first.
     count = len(edges)
     lower, upper = np.empty(count + 1, np.int32), np.empty(count + 1, np.int32)
+    of_half = np.empty(count + 1, np.int32)
     of_lower, of_upper = np.zeros(nodes + 1, np.int32), np.zeros(nodes + 1, np.int32)
     found: Any = 0
     for half in range(0, len(start), 3):
-        for side in range(3):
-            a, b = start[half + side], start[half + (side + 1) % 3]
+        for side_of_three in range(3):
+            a, b = start[half + side_of_three], start[half + (side_of_three + 1) % 3]
             # Not if the twin comes later. Always written, since half of all tests would be guessed
             # wrong; what is not wanted is written over.
-            wanted = np.int64(opposite[half + side] < half + side)
+            wanted = np.int64(opposite[half + side_of_three] < half + side_of_three)
             lower[found], upper[found] = min(a, b), max(a, b)
+            of_half[found] = half + side_of_three
             of_lower[min(a, b) + 1] += wanted
             of_upper[max(a, b) + 1] += wanted
             found += wanted
     for k in range(nodes):
         of_lower[k + 1] += of_lower[k]
         of_upper[k + 1] += of_upper[k]
-    by_upper = np.empty((count, 2), np.int32)
+    by_upper = np.empty((count, 3), np.int32)
     for k in range(count):
         to = of_upper[upper[k]]
         of_upper[upper[k]] += 1
-        by_upper[to, 0], by_upper[to, 1] = lower[k], upper[k]
+        by_upper[to, 0], by_upper[to, 1], by_upper[to, 2] = lower[k], upper[k], of_half[k]
     for k in range(count):
         to = of_lower[by_upper[k, 0]]
         of_lower[by_upper[k, 0]] += 1
         edges[to, 0], edges[to, 1] = by_upper[k, 0], by_upper[k, 1]
+        here = by_upper[k, 2]
+        side[here] = to
+        if opposite[here] >= 0:
+            side[opposite[here]] = to
 
 
 @kernel

@@ -48,10 +48,25 @@ class Triangulation:
         >>> triangulate(np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])).edges().tolist()
         [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
         """
+        return self.edges_and_sides()[0]
+
+    def edges_and_sides(self) -> tuple[IntArray, Int32Array]:
+        """The edges, and (F, 3) the row in them of each side of each triangle.
+
+        Side i of a triangle runs from its corner i to the next one.
+
+        Examples
+        --------
+        >>> found = triangulate(np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]]))
+        >>> found.triangles.tolist(), found.edges_and_sides()[1].tolist()
+        ([[2, 0, 1], [1, 3, 2]], [[1, 0, 2], [3, 4, 2]])
+        """
         outside = int(np.count_nonzero(self.opposite < 0))
         edges = np.empty(((len(self.opposite) + outside) // 2, 2), np.int64)
-        write_edges(self.triangles.ravel(), self.opposite, len(self.vertex), edges)
-        return edges
+        sides = np.empty(self.triangles.shape, np.int32)
+        start, count = self.triangles.ravel(), len(self.vertex)
+        write_edges(start, self.opposite, count, edges, sides.reshape(-1))
+        return edges, sides
 
     def areas(self, positions: Float64Array) -> Float64Array:
         """(F,) area of each triangle, positive also where rounding would make it 0 or less.

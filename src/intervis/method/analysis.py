@@ -233,7 +233,7 @@ def analyze(
         settings,
         returns=in_view,
     )
-    region = intervisible_region(mesh.triangles, mesh.edges, result.node, result.edge)
+    region = intervisible_region(mesh.triangles, mesh.sides, result.node, result.edge)
     tree = reachable_tree(
         mesh.edges, length, surface.flow_distance, surface.flow_parent, result.node, result.edge
     )

@@ -231,7 +231,7 @@ def _result(
     clear: BoolArray = obstacles == 0
     edge: BoolArray = clear[mesh.edges[:, 0]] & clear[mesh.edges[:, 1]]
     length = np.linalg.norm(ground[mesh.edges[:, 0]] - ground[mesh.edges[:, 1]], axis=1)
-    region = intervisible_region(mesh.triangles, mesh.edges, clear, edge)
+    region = intervisible_region(mesh.triangles, mesh.sides, clear, edge)
     cut = graph.cut(mesh.edges, length, clear)
     clock.lap("S3")
     n_raw = field_of_view(raw, None, None, "circle").n_raw

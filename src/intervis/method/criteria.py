@@ -13,12 +13,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from intervis.arrays import BoolArray, Float64Array, IntArray
-from intervis.kernels import thread_count
+from intervis.arrays import BoolArray, Float64Array, Int32Array, IntArray
+from intervis.kernels import kernel, thread_count
 from intervis.settings import Settings
-
-THETA_2_DEG = 90.0
-"""The straight dihedral angle between the planes P_i and P_v of the MPCS."""
 
 ANGULAR_NEIGHBOURS = 6
 """Returns that a node is compared with by the criterion ``sight_line``: the mean number of
@@ -151,12 +148,35 @@ def mix_planes_criterion(
     lower, so it does not occlude i. Heights are elevations z (``elevation``) or elevation angles
     (``sight_angle``).
     """
-    theta_deg = theta_1_deg(points, viewpoint, source, target)
     height = elevation_angle_rad(points, viewpoint) if criterion == "sight_angle" else points[:, 2]
-    rise = height[target] - height[source]
-    line_6: BoolArray = (theta_deg > THETA_2_DEG) & (rise > 0)
-    line_8: BoolArray = (theta_deg < THETA_2_DEG) & (rise < 0)
-    return line_6 | line_8
+    holds = np.empty(len(source), bool)
+    _decide(points, viewpoint, np.ascontiguousarray(height), source, target, holds)
+    return holds
+
+
+@kernel
+def _decide(
+    points: Float64Array,
+    viewpoint: Float64Array,
+    height: Float64Array,
+    source: IntArray,
+    target: IntArray,
+    holds: BoolArray,
+) -> None:
+    """Write whether line 6 or line 8 holds.
+
+    theta_1 (Eq. 13) is the angle at i between the directions to P0 and to j; theta_2 is a right
+    angle, that between the planes P_i and P_v of the MPCS. theta_1 is smaller than theta_2 where
+    the scalar product of the two directions is positive, and larger where it is negative.
+    """
+    for k in range(len(source)):
+        i, j = source[k], target[k]
+        product = 0.0
+        for axis in range(3):
+            to_viewpoint = viewpoint[axis] - points[i, axis]
+            product += to_viewpoint * (points[j, axis] - points[i, axis])
+        rise = height[j] - height[i]
+        holds[k] = (product < 0.0 and rise > 0.0) or (product > 0.0 and rise < 0.0)
 
 
 def unoccluded(points: Float64Array, returns: Float64Array, viewpoint: Float64Array) -> BoolArray:
@@ -217,22 +237,6 @@ def gate_threshold(
     return degree
 
 
-def theta_1_deg(
-    points: Float64Array, viewpoint: Float64Array, source: IntArray, target: IntArray
-) -> Float64Array:
-    """(M,) theta_1 (Eq. 13): the angle at i between the directions to P0 and to j, degrees.
-
-    NaN, with which no criterion holds, where P0 or j coincides with i.
-    """
-    to_viewpoint = viewpoint - points[source]
-    to_neighbour = points[target] - points[source]
-    dot = np.einsum("ij,ij->i", to_viewpoint, to_neighbour)
-    norms = np.linalg.norm(to_viewpoint, axis=1) * np.linalg.norm(to_neighbour, axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        theta_deg: Float64Array = np.rad2deg(np.arccos(np.clip(dot / norms, -1.0, 1.0)))
-    return theta_deg
-
-
 def elevation_angle_rad(points: Float64Array, viewpoint: Float64Array) -> Float64Array:
     """(V,) elevation angle of each point as seen from the viewpoint."""
     offset = points - viewpoint
@@ -240,17 +244,18 @@ def elevation_angle_rad(points: Float64Array, viewpoint: Float64Array) -> Float6
 
 
 def intervisible_region(
-    triangles: IntArray, edges: IntArray, node: BoolArray, edge: BoolArray
+    triangles: IntArray, sides: Int32Array, node: BoolArray, edge: BoolArray
 ) -> BoolArray:
-    """(F,) triangles with three intervisibility points and at least two intervisible edges."""
-    if len(triangles) == 0:
-        return np.zeros(0, bool)
-    nodes = len(node)
-    # The row in `edges` of each triangle's three sides: `edges` is sorted.
-    start, stop = triangles, np.roll(triangles, -1, axis=1)
-    key = np.minimum(start, stop) * nodes + np.maximum(start, stop)
-    side = np.searchsorted(edges[:, 0] * nodes + edges[:, 1], key)
-    region: BoolArray = node[triangles].all(axis=1) & (edge[side].sum(axis=1) >= 2)
+    """(F,) triangles with three intervisibility points and at least two intervisible edges.
+
+    Parameters
+    ----------
+    triangles : (F, 3) int64 array
+    sides : (F, 3) int32 array
+        Row of the edges of each triangle in `edge`.
+    node, edge : (V,) and (E,) bool arrays
+    """
+    region: BoolArray = node[triangles].all(axis=1) & (edge[sides].sum(axis=1) >= 2)
     return region
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intervis.arrays import Float64Array, IntArray
+from intervis.arrays import Float64Array, Int32Array, IntArray
 from intervis.delaunay import triangulate
+from intervis.kernels import kernel
 
 SLIVER = 1e-12
 """Positions are collinear when no triangle is larger than this share of the extent squared."""
@@ -26,11 +27,14 @@ class Mesh:
         Area S_k of each in the projection, positive (Eq. 14).
     edges : (E, 2) int64 array
         Unique undirected edges, smaller node first, sorted.
+    sides : (F, 3) int32 array
+        Row in `edges` of the side from each corner of each element to the next corner.
     """
 
     triangles: IntArray
     area: Float64Array
     edges: IntArray
+    sides: Int32Array
 
 
 def build_mesh(chart: Float64Array) -> Mesh:
@@ -57,7 +61,7 @@ def build_mesh(chart: Float64Array) -> Mesh:
     found = triangulate(chart)
     area = found.areas(chart)
     if area.size and area.max() > SLIVER * np.ptp(chart, axis=0).max() ** 2:
-        return Mesh(found.triangles.astype(np.int64), area, found.edges())
+        return Mesh(found.triangles.astype(np.int64), area, *found.edges_and_sides())
     return chain_mesh(chart)
 
 
@@ -79,7 +83,7 @@ def chain_mesh(chart: Float64Array) -> Mesh:
         order = np.unique(chart, axis=0, return_index=True)[1]
         pairs = np.sort(np.column_stack([order[:-1], order[1:]]), axis=1)
     edges = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    return Mesh(np.empty((0, 3), np.int64), np.empty(0), edges)
+    return Mesh(np.empty((0, 3), np.int64), np.empty(0), edges, np.empty((0, 3), np.int32))
 
 
 def star_centroids(mesh: Mesh, position: Float64Array) -> Float64Array:
@@ -95,14 +99,28 @@ def star_centroids(mesh: Mesh, position: Float64Array) -> Float64Array:
         Positions of the nodes: the projected ones for Eq. 14 as printed, or
         `Surface.metric_position`, in which D is the Euclidean distance.
     """
-    nodes, width = position.shape
-    weighted = position[mesh.triangles].mean(axis=1) * mesh.area[:, None]
-    corner = mesh.triangles.ravel()
-    area = np.bincount(corner, np.repeat(mesh.area, 3), minlength=nodes)
+    centroid, area = np.zeros(position.shape), np.zeros(len(position))
+    _add_up(mesh.triangles, mesh.area, np.ascontiguousarray(position), centroid, area)
     with np.errstate(invalid="ignore"):
-        return np.column_stack(
-            [
-                np.bincount(corner, np.repeat(weighted[:, k], 3), minlength=nodes) / area
-                for k in range(width)
-            ]
-        )
+        return np.asarray(centroid / area[:, None])
+
+
+@kernel
+def _add_up(
+    triangles: IntArray,
+    area: Float64Array,
+    position: Float64Array,
+    weighted: Float64Array,
+    total: Float64Array,
+) -> None:
+    """Add the area of each triangle, and its centroid times its area, to its three corners."""
+    for k in range(len(triangles)):
+        a, b, c = triangles[k, 0], triangles[k, 1], triangles[k, 2]
+        for axis in range(position.shape[1]):
+            part = area[k] * ((position[a, axis] + position[b, axis] + position[c, axis]) / 3.0)
+            weighted[a, axis] += part
+            weighted[b, axis] += part
+            weighted[c, axis] += part
+        total[a] += area[k]
+        total[b] += area[k]
+        total[c] += area[k]

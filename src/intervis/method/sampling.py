@@ -125,7 +125,7 @@ def _partition(
         stop = min((first + count) * tau, n)
         near = count // 2
         _project(points, order, start, stop, viewpoint, projection)
-        _select(order, projection, start, stop, start + near * tau)
+        select(order, projection, start, stop, start + near * tau)
         stack[depth, 0] = first + near
         stack[depth, 1] = count - near
         stack[depth + 1, 0] = first
@@ -218,7 +218,7 @@ def _first_axis(
 
 
 @kernel
-def _select(order: IntArray, value: Float64Array, start: int, stop: int, target: int) -> None:
+def select(order: IntArray, value: Float64Array, start: int, stop: int, target: int) -> None:
     """Quickselect: sort the smallest values of [start, stop) before position `target`."""
     low = start
     high = stop - 1

@@ -11,10 +11,10 @@ import heapq
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from intervis.arrays import BoolArray, Float64Array, IntArray
-from intervis.kernels import kernel, thread_count
+from intervis.arrays import BoolArray, Float64Array, Int32Array, IntArray
+from intervis.kernels import kernel
+from intervis.method.neighbours import nearest_neighbours
 from intervis.settings import Settings
 
 NEIGHBOURS = 8
@@ -29,9 +29,6 @@ is zero when it is less than this share of the largest."""
 
 NEAREST_SHARE = 0.5
 """No force reduces a point's ground range to less than this share of it."""
-
-PARALLEL_POINTS = 4096
-"""Fewest points for which nearest neighbours are searched on all cores."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +73,14 @@ def build_surface(points: Float64Array, viewpoint: Float64Array, settings: Setti
         ``metric``, ``chart``, ``cohesion``, ``repulsion`` and ``influence_radius`` are used.
     """
     weight, used = whitening(points, settings.metric)
-    y = (points - viewpoint) @ weight
-    neighbours = nearest_neighbours(y)
+    y = _times(points - viewpoint, weight)
+    neighbours = nearest_neighbours(y, NEIGHBOURS)
     reached = direct_reach(points, viewpoint, y)
     distance, parent = flow_paths(y, neighbours, reached)
     force = cohesion_force(y, neighbours, settings.cohesion) + repulsion_force(
         y, distance, parent, settings.repulsion, settings.influence_radius
     )
-    moved_m = force @ np.linalg.pinv(weight)
+    moved_m = _times(force, np.linalg.pinv(weight))
     return Surface(
         metric_position=y,
         flow_distance=distance,
@@ -92,6 +89,12 @@ def build_surface(points: Float64Array, viewpoint: Float64Array, settings: Setti
         chart=chart_coordinates(points, moved_m, viewpoint, settings.chart),
         metric=used,
     )
+
+
+def _times(rows: Float64Array, matrix: Float64Array) -> Float64Array:
+    """Rows (V, 3) times a (3, 3) matrix: without the threads of BLAS, which a busy core delays."""
+    product: Float64Array = np.einsum("ij,jk->ik", rows, matrix)
+    return product
 
 
 def whitening(points: Float64Array, metric: str) -> tuple[Float64Array, str]:
@@ -125,21 +128,6 @@ def whitening(points: Float64Array, metric: str) -> tuple[Float64Array, str]:
     return scale, "normalized"
 
 
-def nearest_neighbours(y: Float64Array) -> IntArray:
-    """(V, K) rows of the nearest other points of each point, K = min(8, V - 1)."""
-    count = min(NEIGHBOURS, len(y) - 1)
-    if count < 1:
-        return np.empty((len(y), 0), np.int64)
-    workers = thread_count() if len(y) > PARALLEL_POINTS else 1
-    found = cKDTree(y).query(y, k=count + 1, workers=workers)[1].astype(np.int64)
-    # A point is its own nearest neighbour, except among copies of its position, where any of them
-    # may come first: there the last of the k + 1 is left out instead.
-    own = found == np.arange(len(y))[:, None]
-    own[~own.any(axis=1), -1] = True
-    others: IntArray = found[~own].reshape(len(y), count)
-    return others
-
-
 def direct_reach(points: Float64Array, viewpoint: Float64Array, y: Float64Array) -> BoolArray:
     """(V,) mask of the points P0 reaches directly: the nearest in each sector of azimuth."""
     reached = np.zeros(len(points), bool)
@@ -150,9 +138,8 @@ def direct_reach(points: Float64Array, viewpoint: Float64Array, y: Float64Array)
     mean = points.mean(axis=0) - viewpoint
     relative = azimuth_rad - np.arctan2(mean[1], mean[0])
     sector = np.floor((relative / (2 * np.pi) % 1.0) * SECTORS).astype(np.int64)
-    order = np.lexsort((np.einsum("ij,ij->i", y, y), sector))
-    first = np.unique(sector[order], return_index=True)[1]
-    reached[order[first]] = True
+    nearest = _nearest_of_each(sector, np.einsum("ij,ij->i", y, y), SECTORS)
+    reached[nearest[nearest >= 0]] = True
     return reached
 
 
@@ -179,7 +166,7 @@ def flow_paths(
         The node before each node; -1 where P0 is. Of several paths of one length it is the node
         with the least D', then with the smallest number.
     """
-    starts, columns = _symmetric(neighbours)
+    starts, columns = _both_directions(neighbours)
     distance, parent = _shortest_paths(y, starts, columns, np.flatnonzero(reached))
     return distance, parent
 
@@ -188,7 +175,8 @@ def cohesion_force(y: Float64Array, neighbours: IntArray, scale: float) -> Float
     """Cohesion (Eq. 3): a force of size alpha D towards the mean of the neighbours."""
     if neighbours.shape[1] == 0:
         return np.zeros_like(y)
-    force: Float64Array = scale * (y[neighbours].mean(axis=1) - y)
+    force = np.empty_like(y)
+    _pull(np.ascontiguousarray(y), neighbours, scale, force)
     return force
 
 
@@ -259,21 +247,56 @@ def chart_coordinates(
     return ground
 
 
-def _symmetric(neighbours: IntArray) -> tuple[IntArray, IntArray]:
-    """The neighbour relation in both directions, in CSR form: row offsets and columns."""
-    count, width = neighbours.shape
-    row = np.repeat(np.arange(count), width)
-    column = neighbours.ravel()
-    rows = np.concatenate([row, column])
-    columns = np.concatenate([column, row])
-    order = np.argsort(rows, kind="stable")
-    starts = np.searchsorted(rows[order], np.arange(count + 1))
-    return starts, columns[order]
+@kernel
+def _nearest_of_each(group: IntArray, square: Float64Array, groups: int) -> IntArray:
+    """The row of the least number in each group, the lowest of several; -1 for an empty group."""
+    nearest = np.full(groups + 1, -1, np.int64)  # an angle of -0 may be rounded up to a whole turn
+    for k in range(len(group)):
+        best = nearest[group[k]]
+        if best < 0 or square[k] < square[best]:
+            nearest[group[k]] = k
+    return nearest
+
+
+@kernel
+def _pull(y: Float64Array, neighbours: IntArray, scale: float, force: Float64Array) -> None:
+    """Write the force towards the mean of the neighbours."""
+    rows, count = neighbours.shape
+    for i in range(rows):
+        for axis in range(3):
+            total = 0.0
+            for k in range(count):
+                total += y[neighbours[i, k], axis]
+            force[i, axis] = scale * (total / count - y[i, axis])
+
+
+@kernel
+def _both_directions(neighbours: IntArray) -> tuple[IntArray, Int32Array]:
+    """The neighbour relation in both directions: offset of each row, and columns.
+
+    The columns of a row are its own neighbours, then the rows whose neighbour it is.
+    """
+    rows, width = neighbours.shape
+    starts = np.zeros(rows + 1, np.int64)
+    for i in range(rows):
+        starts[i + 1] += width
+        for k in range(width):
+            starts[neighbours[i, k] + 1] += 1
+    for i in range(rows):
+        starts[i + 1] += starts[i]
+    columns, free = np.empty(starts[rows], np.int32), starts[:-1] + width
+    for i in range(rows):
+        for k in range(width):
+            j = neighbours[i, k]
+            columns[starts[i] + k] = j
+            columns[free[j]] = i
+            free[j] += 1
+    return starts, columns
 
 
 @kernel
 def _shortest_paths(
-    y: Float64Array, starts: IntArray, columns: IntArray, reached: IntArray
+    y: Float64Array, starts: IntArray, columns: Int32Array, reached: IntArray
 ) -> tuple[Float64Array, IntArray]:
     """Dijkstra's algorithm from the origin; the heap holds (distance, node)."""
     n = y.shape[0]
@@ -303,7 +326,7 @@ def _shortest_paths(
             continue
         done[i] = True
         for k in range(starts[i], starts[i + 1]):
-            j = columns[k]
+            j = np.int64(columns[k])
             if done[j]:
                 continue
             length = np.sqrt(

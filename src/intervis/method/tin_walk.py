@@ -47,7 +47,7 @@ def build_tin(ground: Float64Array) -> Tin:
     triangles = found.triangles.astype(np.int64)
     mesh = chain_mesh(ground)
     if len(triangles):
-        mesh = Mesh(triangles, found.areas(ground), found.edges())
+        mesh = Mesh(triangles, found.areas(ground), *found.edges_and_sides())
     node = triangles.ravel()
     corners = np.argsort(node, kind="stable")
     offsets = np.searchsorted(node[corners], np.arange(len(ground) + 1))

@@ -37,7 +37,7 @@ def bench(
 ) -> None:
     """Time the package beside other tools, interleaved, as medians.
 
-    Tools that are installed take part: scipy, Embree, and Open3D and PythonCDT if they are there.
+    Tools that are installed take part: scipy, Embree, and Open3D and pythoncdt if they are there.
     """
     from intervis.cli.options import check_output_file
     from intervis.files import write_text

@@ -241,7 +241,7 @@ def _scores(
         mesh = geometry.mesh
         for one, result in _results(geometry, interpretations):
             tpi_along[one].append(_tpi(geometry, result.edge))
-            region = intervisible_region(mesh.triangles, mesh.edges, result.node, result.edge)
+            region = intervisible_region(mesh.triangles, mesh.sides, result.node, result.edge)
             regions[one].append(ground_region(geometry.points, mesh.triangles, region, view.pose))
     return [
         InterpretationScore(one, tpi[one], sample_std(tpi_along[one]), _mean_iou(regions[one]))

@@ -25,9 +25,9 @@ try:
 except ImportError:
     open3d = None
 try:
-    import PythonCDT
+    import pythoncdt
 except ImportError:
-    PythonCDT = None
+    pythoncdt = None
 
 if TYPE_CHECKING:
     from intervis.drives import Drive, Frame
@@ -93,14 +93,14 @@ def _triangulations(scan: Float64Array) -> Iterator[Work]:
         group = f"triangulation, {name}"
         yield Work(group, "intervis", _call(triangulate, positions), len(positions))
         yield Work(group, "scipy", _call(Delaunay, positions), len(positions))
-        if PythonCDT is not None:
+        if pythoncdt is not None:
             yield Work(group, "CDT", _call(_cdt, positions), len(positions))
 
 
 def _cdt(positions: Float64Array) -> object:
-    order, crossing = PythonCDT.VertexInsertionOrder, PythonCDT.IntersectingConstraintEdges
-    mesh = PythonCDT.Triangulation(order.AUTO, crossing.NOT_ALLOWED, 0.0)
-    mesh.insert_vertices(positions.ravel())
+    order, crossing = pythoncdt.VertexInsertionOrder, pythoncdt.IntersectingConstraintEdges
+    mesh = pythoncdt.Triangulation(order.AUTO, crossing.NOT_ALLOWED, 0.0)
+    mesh.insert_vertices(positions)
     mesh.erase_super_triangle()
     return mesh
 
