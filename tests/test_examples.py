@@ -14,6 +14,7 @@ SAID = {
     "voxel_masks": ("occluded: ", "image_02 sees ", "<BevGrid: 300 x 300 cells of 0.2 m"),
     "route": ("2 of 2 zones come into sight", "Largest visible shares: kerb"),
     "sight_distance": ("crest, AASHTO, derived", "62.8", "junction, AASHTO"),
+    "two_scanners": ("LIDAR_TOP: 4", " 0 beside the left doors", "LIDAR_LEFT: 1"),
     "stream": (
         "while scans arrive: <Sight: 5,000 lines",
         "with all of them:   <Sight: 5,000 lines",

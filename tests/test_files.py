@@ -6,7 +6,7 @@ import os
 import pytest
 
 from intervis.errors import OutputError
-from intervis.files import write_bytes, write_text, write_whole
+from intervis.files import whole_folder, write_bytes, write_text, write_whole
 from small_drive import files_below
 
 
@@ -106,3 +106,46 @@ def test_a_circle_of_links_is_an_error(tmp_path):
     with pytest.raises(OutputError, match="cannot write"):
         write_text(tmp_path / "a", "x")
     assert (tmp_path / "a").is_symlink()
+
+
+def test_a_folder_gets_its_name_when_it_is_complete(tmp_path):
+    with whole_folder(tmp_path / "deep" / "new") as part:
+        (part / "a").mkdir()
+        (part / "a" / "b.txt").write_text("b")
+        assert not (tmp_path / "deep" / "new").exists()
+    assert list(files_below(tmp_path)) == ["deep/new/a/b.txt"]
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, ""), KeyboardInterrupt()])
+def test_a_folder_that_is_cut_off_leaves_nothing(tmp_path, error):
+    raised = OutputError if isinstance(error, OSError) else KeyboardInterrupt
+
+    def cut_off():
+        with whole_folder(tmp_path / "new") as part:
+            (part / "half.txt").write_text("half")
+            raise error
+
+    with pytest.raises(raised):
+        cut_off()
+    assert not list(tmp_path.iterdir())
+
+
+def test_of_two_processes_that_make_one_folder_the_second_fails(tmp_path):
+    def both():
+        with whole_folder(tmp_path / "new") as first, whole_folder(tmp_path / "new") as second:
+            assert first != second
+            (first / "a.txt").write_text("a")
+            (second / "b.txt").write_text("b")
+
+    with pytest.raises(OutputError, match="cannot write"):
+        both()
+    assert list(files_below(tmp_path)) == ["new/b.txt"]
+
+
+def test_a_folder_with_files_is_not_changed(tmp_path):
+    (tmp_path / "a.txt").write_text("mine")
+    for path, what in ((tmp_path, "holds files already"), (tmp_path / "a.txt", "is a file")):
+        with pytest.raises(OutputError, match=f"{what} and was not changed"), whole_folder(path):
+            raise AssertionError
+    assert list(files_below(tmp_path)) == ["a.txt"]
+    assert (tmp_path / "a.txt").read_text() == "mine"

@@ -4,8 +4,9 @@ import contextlib
 import errno
 import os
 import secrets
+import shutil
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -87,6 +88,56 @@ def write_text(path: Path, text: str) -> None:
     # The text may hold a file name that is not valid UTF-8: its bytes are written escaped.
     content = text.encode("utf-8", errors="backslashreplace")
     write_whole(path, lambda file: file.write(content))
+
+
+@contextlib.contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """A folder to write into, which gets its name only when it is complete.
+
+    Until then it is ``.NAME.XXXX.part`` beside it, with random letters. A failure removes it; a
+    killed process leaves it.
+
+    Yields
+    ------
+    Path
+        The folder to write into, empty.
+
+    Raises
+    ------
+    OutputError
+        Something stands at `path` that is no empty folder, or the system refuses: disk full, no
+        permission.
+    """
+    check_new_folder(path)
+    target = Path(os.path.realpath(path))
+    part = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
+    try:
+        part.mkdir(parents=True)
+        try:
+            yield part
+            os.rename(part, target)  # onto an empty folder, or nothing
+        except BaseException:
+            shutil.rmtree(part, ignore_errors=True)
+            raise
+    except OSError as error:
+        raise OutputError(_write_failure(path, error)) from None
+
+
+def check_new_folder(path: Path) -> None:
+    """Check that a folder can be made at `path`: there is nothing, or an empty folder.
+
+    Raises
+    ------
+    OutputError
+        Something else stands there; it is not changed.
+    """
+    try:
+        if not os.path.lexists(path) or (path.is_dir() and not any(path.iterdir())):
+            return
+    except OSError as error:
+        raise OutputError(_write_failure(path, error)) from None
+    what = "holds files already" if path.is_dir() else "is a file"
+    raise OutputError(f"{path} {what} and was not changed; choose another output folder.")
 
 
 def make_folder(path: Path) -> None:

@@ -270,3 +270,12 @@ def test_letters_of_the_name_of_a_sensor(tmp_path, letters, valid):
     else:
         with pytest.raises(CalibrationError, match="not a plain name"):
             open_drive(tmp_path)
+
+
+def test_times_since_1970_have_19_digits(tmp_path):
+    pytest.importorskip("pyarrow", reason="pyarrow (extra argoverse) is not installed")
+    log = write_log(tmp_path)
+    sweep = log / "sensors" / "lidar" / f"{TIMES_NS[0]}.feather"
+    sweep.rename(sweep.with_name("1700000000000000000.feather"))
+    (sweep.parent / "9999999999999999999.feather").write_bytes(b"no time: beyond 64 bits")
+    assert list(open_drive(log).timestamps_ns.values()) == [TIMES_NS[1], 1700000000000000000]

@@ -153,3 +153,11 @@ def test_times_of_a_real_sweep() -> None:
     times_ns = frame.point_times_ns
     assert times_ns is not None
     assert 0.08e9 < np.ptp(times_ns) < 0.12e9  # ten turns a second
+
+
+def test_times_that_are_all_zero_are_the_time_of_the_scan() -> None:
+    assert point_times_ns({"offset_ns": np.zeros(3, np.int32)}, 7).tolist() == [7, 7, 7]
+    with pytest.raises(DriveError, match="span 0"):
+        point_times_ns({"offset_ns": np.full(3, 5)}, 7)
+    with pytest.raises(DriveError, match="span 0"):
+        point_times_ns({"offset_ns": np.zeros(3)}, None)

@@ -42,6 +42,7 @@ SCANNERS = {"up_lidar": (0, 32), "down_lidar": (32, 64)}
 """Laser numbers of each scanner; the first scanner gives the points of a frame."""
 
 MAIN_CAMERA = "ring_front_center"
+LATEST_NS = 2**63
 IMAGE_WITHIN_NS = 100_000_000
 """An image belongs to a sweep where it was taken within this time of it."""
 
@@ -65,7 +66,8 @@ def _times(folder: Path, *endings: str) -> dict[int, Path]:
         if path.suffix.lower() in (endings or (".feather",))
         and path.stem.isascii()
         and path.stem.isdigit()
-        and len(path.stem) < 19
+        and len(path.stem) < 20
+        and int(path.stem) < LATEST_NS
     }
     return dict(sorted(files.items()))
 

@@ -68,6 +68,8 @@ def point_times_ns(
         return None
     first = values[finite].min()
     elapsed = np.where(finite, values, first) - first
+    if timestamp_ns is not None and not values[finite].any():  # all at the scan's time
+        return np.full(len(values), timestamp_ns, np.int64)
     unit_ns = _unit_ns(float(elapsed.max()), name)
     elapsed_ns = np.round(elapsed.astype(np.float64) * unit_ns).astype(np.int64)
     if abs(float(first)) * unit_ns < SINCE_START_S * 1e9:

@@ -220,10 +220,10 @@ class _Boxes:
 @lru_cache(maxsize=1)
 def _annotations(folder: Path, samples: frozenset[str]) -> Mapping[str, list[tuple[Record, str]]]:
     """Annotations with their categories, by sample: searched once for all frames of a scene."""
-    records = read_table(folder, "sample_annotation", "sample_token", samples.__contains__)
+    records = read_table(folder, "sample_annotation", "sample_token", samples)
     table = folder / "sample_annotation.json"
     tokens = {text_of(table, record, "instance_token") for record in records.values()}
-    instances = read_table(folder, "instance", "token", tokens.__contains__)
+    instances = read_table(folder, "instance", "token", tokens)
     categories = read_table(folder, "category")
     found: dict[str, list[tuple[Record, str]]] = {sample: [] for sample in samples}
     for record in records.values():

@@ -59,11 +59,11 @@ class Channel:
 
 def channels_of(folder: Path, scene_token: str) -> dict[str, tuple[str, Channel]]:
     """Modality and files of each sensor in a scene, by the sensor's channel."""
-    samples = read_table(folder, "sample", "scene_token", scene_token.__eq__)
-    sweeps = read_table(folder, "sample_data", "sample_token", samples.__contains__)
+    samples = read_table(folder, "sample", "scene_token", {scene_token})
+    sweeps = read_table(folder, "sample_data", "sample_token", samples.keys())
     table = folder / "sample_data.json"
     ego_tokens = {text_of(table, record, "ego_pose_token") for record in sweeps.values()}
-    egos = read_table(folder, "ego_pose", "token", ego_tokens.__contains__)
+    egos = read_table(folder, "ego_pose", "token", ego_tokens)
     calibrated, sensors = (read_table(folder, name) for name in ("calibrated_sensor", "sensor"))
     found: dict[str, list[Sweep]] = defaultdict(list)
     modality = {}

@@ -5,7 +5,8 @@ those of one scene, so that their size costs time but no memory.
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -34,9 +35,9 @@ LATEST_US = 9e15
 
 
 def read_table(
-    folder: Path, name: str, key: str | None = None, wanted: Callable[[str], bool] | None = None
+    folder: Path, name: str, key: str | None = None, wanted: Set[str] | None = None
 ) -> dict[str, Record]:
-    """Records of a table by token, or those whose text under `key` is wanted.
+    """Records of a table by token, or those whose text under `key` is among the wanted ones.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def read_table(
     name : str
         The table's name, ``sample_data``.
     key : str, optional
-    wanted : function of str to bool, optional
+    wanted : set of str, optional
 
     Raises
     ------
@@ -73,22 +74,25 @@ def read_table(
     for record in records:
         if not isinstance(record, dict) or not isinstance(record.get("token"), str):
             raise CalibrationError(f"the table {path} has a record without a token.")
-        if key is None or wanted is None or wanted(text_of(path, record, key)):
+        if key is None or wanted is None or text_of(path, record, key) in wanted:
             by_token[record["token"]] = record
     return by_token
 
 
-def _search(file: BinaryIO, key: str, wanted: Callable[[str], bool]) -> Iterator[Any]:
+def _search(file: BinaryIO, key: str, wanted: Set[str]) -> Iterator[Any]:
     """The wanted records of a large table, whose records hold no records themselves."""
-    rest = b""
+    quoted, rest = b'"' + key.encode() + b'"', b""
+    values = re.compile(re.escape(quoted) + rb'\s*:\s*"([^"]*)"')
+    encoded = {text.encode(errors="replace") for text in wanted}
     while block := file.read(BLOCK_BYTES):
         block = rest + block
         end = block.rfind(b"}") + 1
-        yield from _search_block(block[:end], b'"' + key.encode() + b'"', wanted)
+        if not encoded.isdisjoint(values.findall(block, 0, end)):  # few blocks hold a scene
+            yield from _search_block(block[:end], quoted, wanted)
         rest = block[end:]
 
 
-def _search_block(block: bytes, key: bytes, wanted: Callable[[str], bool]) -> Iterator[Any]:
+def _search_block(block: bytes, key: bytes, wanted: Set[str]) -> Iterator[Any]:
     place = block.find(key)
     while place >= 0:
         place += len(key)
@@ -96,7 +100,7 @@ def _search_block(block: bytes, key: bytes, wanted: Callable[[str], bool]) -> It
         if (
             len(parts) == 3
             and parts[0].strip() == b":"
-            and wanted(parts[1].decode(errors="replace"))
+            and parts[1].decode(errors="replace") in wanted
         ):
             yield json.loads(block[block.rfind(b"{", 0, place) : block.find(b"}", place) + 1])
         place = block.find(key, place)

@@ -14,12 +14,10 @@ from intervis.drives.point_cloud2 import decode_point_cloud2, scan_of_cloud
 from intervis.drives.regular_file import open_regular
 from intervis.drives.scan import Scan, scan_of_rows
 from intervis.drives.threedtk import read_3d
+from intervis.drives.vehicle_axes import X_RIGHT
 from intervis.errors import ScanError
 
 log = logging.getLogger(__name__)
-
-X_RIGHT = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-"""file_from_velo of nuScenes' scanner: ahead is the file's y, left its -x."""
 
 CDR_START = b"\0\1\0\0"
 """First bytes of a message in CDR, little-endian: as a coordinate 4e-43 m, which none is."""

@@ -1,7 +1,8 @@
 """A folder of scans of one format, directly in it or in its subfolder ``pcd`` or ``scans``.
 
-Optional files in the folder: ``poses.txt`` (LiDAR poses, KITTI's odometry format), and KITTI raw's
-``calib_cam_to_cam.txt`` with ``calib_velo_to_cam.txt``. Without ``poses.txt`` the poses are those
+Optional files in the folder: ``poses.txt`` (LiDAR poses, KITTI's odometry format), ``times.txt``
+(seconds, a line for each scan), and KITTI raw's ``calib_cam_to_cam.txt`` with
+``calib_velo_to_cam.txt``. Without ``poses.txt`` the poses are those
 that PCD files state (VIEWPOINT), or those in 3DTK's ``.pose`` files.
 """
 
@@ -15,7 +16,7 @@ from intervis.drives.numbering import lines_by_number, numbered_by_name
 from intervis.drives.point_labels import label_files
 from intervis.drives.scan_file import READERS, scan_ending
 from intervis.drives.threedtk import ENDING, station_poses
-from intervis.drives.trajectory import read_poses
+from intervis.drives.trajectory import known_timestamps, read_poses, read_seconds
 from intervis.drives.viewpoint import stated_poses
 from intervis.errors import CalibrationError, DriveError
 
@@ -52,6 +53,11 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     elif ENDING in endings:
         stations, pose_files = station_poses(scans)
         poses = stations or None
+    timestamps_ns, time_path = {}, root / "times.txt"
+    if time_path.is_file():
+        lines = lines_by_number(read_seconds(time_path), list(scans), time_path)
+        timestamps_ns = known_timestamps(lines)
+        pose_files = [*pose_files, time_path]
     return Drive(
         root=root,
         name=root.name,
@@ -61,6 +67,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         camera_name=chosen,
         calibration=raw_camera_calibration(root, chosen) if chosen else None,
         poses=poses,
+        timestamps_ns=timestamps_ns,
         metadata_files=(*(root / file for file in present), *pose_files),
         read=read,
         label_paths=label_files(scans),

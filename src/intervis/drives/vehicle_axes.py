@@ -7,6 +7,9 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.transform import rigid
 
+X_RIGHT = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+"""sensor_from_velo of nuScenes' scanner: ahead is the sensor's y, left its -x."""
+
 
 def sensor_from_velo(ego_from_sensor: Float64Array) -> Float64Array:
     """(4, 4) rotation by right angles after which a sensor's axes come nearest the vehicle's.

@@ -184,3 +184,35 @@ def test_commands_without_embreex_name_the_extra(command, tmp_path, monkeypatch,
         " install it with pip install 'intervis[lab]'.\n"
     )
     assert not list(tmp_path.iterdir())
+
+
+def test_simulate_writes_other_layouts_and_scanners(tmp_path, capsys):
+    out = tmp_path / "drive"
+    options = ["--layout", "mcap", "--scanner", "vlp-16", "--scanner", "ring@front"]
+    command = ["simulate", "--out", str(out), "--frames", "2", "--motion-distortion", *options]
+    assert exit_code(command) == 0
+    path = Path(capsys.readouterr().out.strip().removeprefix("Drive: "))
+    assert path == out / "drive.mcap" / "lidar" / "roof"
+    frame = open_drive(path)[1]
+    assert [len(scan.points) > 500 for scan in frame.scans] == [True, True]
+    assert frame.deskewed().shape == frame.points.shape
+    assert exit_code(command) == 2
+    assert "holds files already and was not changed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        (["--layout", "bag"], "kitti, nuscenes, argoverse2, pcd, mcap"),
+        (["--layout", "pcd", "--scanner", "vlp16"], "hdl-32e, hdl-64e, livox"),
+        (["--scanner", "vlp-16@hood"], "roof, under, left, right, front, rear, mast, tripod"),
+        (["--layout", "pcd", "--frames", "0"], "frames must be a whole number of 1 or more"),
+        (["--layout", "pcd", "--seed", "-1"], "seed must be a whole number of 0 or more"),
+    ],
+)
+def test_wrong_names_and_numbers_are_told_in_one_line(options, names, tmp_path, capsys):
+    assert exit_code(["simulate", "--out", str(tmp_path / "new"), *options]) == 2
+    said = capsys.readouterr()
+    assert names in said.err
+    assert len(said.err.splitlines()) == 1
+    assert not list(tmp_path.iterdir())

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from intervis.lab.worlds.beam_pattern import PANDAR64_DEG, PATTERNS, QT64_DEG, rosette
+from intervis.lab.worlds.beam_pattern import (
+    PANDAR64_DEG,
+    PATTERNS,
+    QT64_DEG,
+    fan_ahead,
+    rosette,
+)
 from intervis.lab.worlds.mounts import MOUNTS
 from intervis.lab.worlds.ray_casting import RayCaster
 
@@ -26,6 +32,19 @@ def test_unequal_rows_of_the_data_sheets() -> None:
     assert (PANDAR64_DEG[0], PANDAR64_DEG[-1]) == (15.0, -25.0)
     assert np.isclose((-np.diff(QT64_DEG)).min(), 1.45)
     assert np.allclose(QT64_DEG, -np.array(QT64_DEG)[::-1])
+
+
+def test_solid_state_scanner_of_the_data_sheet() -> None:
+    pattern = fan_ahead()
+    azimuth_deg = np.degrees(np.arctan2(pattern.directions[:, 1], pattern.directions[:, 0]))
+    elevation_deg = np.degrees(np.arcsin(pattern.directions[:, 2]))
+    assert len(pattern.directions) * 10 == 1_536_000  # points a second
+    assert np.allclose(np.ptp(azimuth_deg), 119.9)
+    assert np.allclose([elevation_deg.max(), elevation_deg.min()], [12.9, -12.5])
+    rows = [np.unique(elevation_deg[pattern.ring == row].round(6)) for row in (0, 1, 127)]
+    assert np.allclose(rows, [[12.9], [12.7], [-12.5]])
+    assert np.allclose(np.diff(np.unique(azimuth_deg.round(6))), 0.1)
+    assert np.isclose(pattern.time_s[-1], 0.1 * 1199 / 1200)
 
 
 def test_rosette_stays_in_its_cone_and_does_not_repeat() -> None:

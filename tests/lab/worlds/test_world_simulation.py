@@ -382,3 +382,20 @@ def test_a_world_that_lacks_a_part_is_a_drive_error(tmp_path: Path) -> None:
     np.savez(tmp_path / "world.npz", static_triangles=np.zeros((1, 3, 3)))
     with pytest.raises(DriveError, match=r"cannot read .*world.npz"):
         load_world(tmp_path)
+
+
+def test_a_drive_with_motion_replaces_one_without(tmp_path: Path) -> None:
+    """The house's wall x = 8 ahead: while the vehicle drives 0.9 m, it comes nearer."""
+    scan = "velodyne_points/data/0000000001.bin"
+    still = (quick(tmp_path) / scan).read_bytes()
+    folder = quick(tmp_path, motion_distortion=True)
+    assert "motion_distortion" in (folder / simulation.METADATA_NAME).read_text()
+    rows = np.frombuffer((folder / scan).read_bytes(), "<f4").reshape(-1, 4)
+    faces = rows[(np.abs(rows[:, 0] - (8 - 0.9)) < 0.6) & (rows[:, 1] > 4.2) & (rows[:, 2] > -1)]
+    azimuth = np.arctan2(faces[:, 1], faces[:, 0])  # the beams turn to the left, ahead at 0.1 s
+    expected = 8 - 9.0 * (0.1 + 0.1 * azimuth / (2 * np.pi))
+    assert len(faces) > 20
+    assert np.abs(faces[:, 0] - expected).max() < 0.1
+    assert np.ptp(expected) > 0.05
+    assert (quick(tmp_path) / scan).read_bytes() == still
+    assert "motion_distortion" not in (folder / simulation.METADATA_NAME).read_text()

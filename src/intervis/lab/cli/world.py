@@ -18,12 +18,47 @@ def simulate(
     out: Annotated[Path, typer.Option("--out", help="Folder for the drive.")],
     frames: Frames = 10,
     seed: Seed = 0,
+    layout: Annotated[
+        str,
+        typer.Option("--layout", metavar="NAME", help="kitti, nuscenes, argoverse2, pcd or mcap."),
+    ] = "kitti",
+    scanner: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--scanner",
+            metavar="PRESET[@MOUNT]",
+            help="Can be repeated. Presets: at128, hdl-32e, hdl-64e, livox, os1-128, pandar64,"
+            " qt64, ring, terrestrial, vlp-16. Mounts: roof, under, left, right, front, rear, mast,"
+            " tripod.",
+        ),
+    ] = None,
+    images: Annotated[
+        bool, typer.Option("--images/--no-images", help="Images of the cameras.")
+    ] = True,
+    motion_distortion: Annotated[
+        bool,
+        typer.Option("--motion-distortion", help="Vehicle and traffic move during a sweep."),
+    ] = False,
 ) -> None:
-    """Write a simulated drive in KITTI's raw layout.
+    """Write a simulated drive through the built-in street: scans, poses, images, boxes.
 
-    Includes calibration, images, poses, timestamps and the triangles of its world.
+    KITTI's layout includes the triangles of its world; an interrupted drive goes on. Other layouts
+    are written whole or not at all. docs/simulate.md lists the presets and what each layout holds.
     """
-    show(f"Drive: {_simulate(out, frames, seed)}")
+    from intervis.lab.worlds import simulate_drive
+
+    with progress("simulation", frames) as advance:
+        drive = simulate_drive(
+            out,
+            layout,
+            scanner or (),
+            frames=frames,
+            seed=seed,
+            images=images,
+            motion_distortion=motion_distortion,
+            progress=advance,
+        )
+    show(f"Drive: {drive}")
 
 
 def demo(

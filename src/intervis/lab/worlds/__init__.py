@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from intervis.lab.worlds.drive_simulation import simulate_drive as simulate_drive
     from intervis.lab.worlds.ray_casting import RayCaster as RayCaster
     from intervis.lab.worlds.recording import load_world as load_world
     from intervis.lab.worlds.scanner import Scanner as Scanner
@@ -16,8 +17,9 @@ _HOME = {
     "Scanner": "intervis.lab.worlds.scanner",
     "build_street": "intervis.lab.worlds.street.layout",
     "simulate": "intervis.lab.worlds.simulation",
+    "simulate_drive": "intervis.lab.worlds.drive_simulation",
 }
-__all__ = ["RayCaster", "Scanner", "build_street", "load_world", "simulate"]
+__all__ = ["RayCaster", "Scanner", "build_street", "load_world", "simulate", "simulate_drive"]
 
 
 def __getattr__(name: str) -> Any:

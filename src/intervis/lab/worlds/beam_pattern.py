@@ -146,16 +146,21 @@ def _rows(
 
 
 def rosette(
-    duration_s: float = 0.5, rate_hz: float = 100_000.0, half_angle_deg: float = 19.2
+    duration_s: float = 0.5,
+    rate_hz: float = 100_000.0,
+    half_angle_deg: float = 19.2,
+    start_s: float = 0.0,
 ) -> BeamPattern:
     """A rosette about x of two rotating Risley prisms; a longer sweep fills it further.
+
+    It does not repeat itself: a sweep that begins later, at `start_s`, fills other gaps.
 
     Each prism deflects the beam by half of the field of view's half angle, in a direction that
     turns with the prism. Livox Mid-40 data sheet: circular field of view of 38.4 degrees, 100,000
     points per second, 260 m. Its prisms turn at about 7,294 and -4,664 rpm.
     """
     time_s: Float64Array = np.arange(round(duration_s * rate_hz), dtype=np.float64) / rate_hz
-    first, second = (2 * np.pi * rpm / 60 * time_s for rpm in (7294.0, -4664.0))
+    first, second = (2 * np.pi * rpm / 60 * (start_s + time_s) for rpm in (7294.0, -4664.0))
     part_rad = np.radians(half_angle_deg) / 2
     y_rad = part_rad * (np.cos(first) + np.cos(second))
     z_rad = part_rad * (np.sin(first) + np.sin(second))
@@ -184,6 +189,37 @@ def ring_2d() -> BeamPattern:
         30.0,
         0.03,
         0.01,
+    )
+
+
+def fan_ahead() -> BeamPattern:
+    """A level grid ahead, column by column, highest beam first.
+
+    Hesai AT128P user manual: 128 channels 0.2 degrees apart (12.9 to -12.5 degrees), 120 degrees in
+    steps of 0.1 degrees at 10 Hz, 1,536,000 points per second, 200 m at 10 % reflectance.
+    """
+    elevation_rad = np.radians(np.arange(128) * -0.2 + 12.9)
+    azimuth_rad = np.radians(np.arange(1200) * 0.1 - 59.95)
+    azimuth, elevation = np.meshgrid(azimuth_rad, elevation_rad, indexing="ij")
+    directions = np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    count = len(directions)
+    return BeamPattern(
+        "AT128",
+        directions,
+        np.tile(np.arange(128), 1200),
+        np.repeat(np.arange(1200) * (0.1 / 1200), 128),
+        np.full(count, np.radians(0.2), np.float64),
+        1.0,
+        200.0,
+        0.03,
+        0.02,
     )
 
 

@@ -1,4 +1,4 @@
-"""Mounts: height and orientation of a scanner above the ground."""
+"""Mounts: where a scanner stands above the ground, or on a vehicle."""
 
 from dataclasses import dataclass
 
@@ -43,3 +43,56 @@ MOUNTS: dict[str, Mount] = {
     )
 }
 """The mounts by name."""
+
+
+@dataclass(frozen=True)
+class VehicleMount:
+    """Place on a vehicle, in its frame: x forward, y left, z up, from below the rear axle.
+
+    Attributes
+    ----------
+    name : str
+    place_m : three floats
+    roll_pitch_yaw_deg : three floats
+        About the fixed axes x, y, z, in this order; a positive pitch looks down.
+    """
+
+    name: str
+    place_m: tuple[float, float, float]
+    roll_pitch_yaw_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def ego_from_scanner(self) -> Float64Array:
+        """(4, 4).
+
+        Examples
+        --------
+        >>> VEHICLE_MOUNTS["left"].ego_from_scanner[:3, :3].round(2).tolist()[0]  # x across
+        [0.0, -1.0, 0.0]
+        """
+        turn = Rotation.from_euler("xyz", self.roll_pitch_yaw_deg, degrees=True)
+        return rigid(turn.as_matrix(), self.place_m)
+
+
+VEHICLE_MOUNTS: dict[str, VehicleMount] = {
+    mount.name: mount
+    for mount in (
+        VehicleMount("roof", (0.94, 0.0, 1.84)),
+        VehicleMount("under", (0.94, 0.0, 1.73), (180.0, 0.0, 0.0)),
+        VehicleMount("left", (0.9, 0.7, 1.6), (0.0, 40.0, 90.0)),
+        VehicleMount("right", (0.9, -0.7, 1.6), (0.0, 40.0, -90.0)),
+        VehicleMount("front", (3.75, 0.0, 0.6)),
+        VehicleMount("rear", (-1.05, 0.0, 0.7), (0.0, 0.0, 180.0)),
+    )
+}
+"""The mounts of a vehicle by name: on the roof, upside down below that one, tilted to the sides, at
+the bumpers."""
+
+GROUND_MOUNTS = ("mast", "tripod")
+"""The mounts that stand on the ground, beside the street."""
+
+BODY_M = (
+    ((-1.0, -0.9, 0.25), (3.7, 0.9, 0.95)),
+    ((-0.9, -0.75, 0.95), (1.9, 0.75, 1.5)),
+)
+"""Lower and upper corners of the own vehicle's body and cabin, in its frame."""

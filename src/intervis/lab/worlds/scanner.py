@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from intervis.errors import SettingsError
-from intervis.lab.worlds.triangles import LABELS
+from intervis.lab.worlds.echoes import intensity, loss_probability
 from intervis.lab.worlds.world import Snapshot, World
 
 Attributes = dict[str, NDArray[Any]]
@@ -202,16 +202,21 @@ class Scanner:
         rows = np.flatnonzero(
             (hits >= 0) & (ranges >= self.nearest_m) & ~self._hits_own_roof(directions_velo)
         )
-        missing = self._dropout_probability(snapshot, ranges[rows], hits[rows], cosines[rows])
+        missing = loss_probability(
+            snapshot.reflectances[hits[rows]],
+            snapshot.labels[hits[rows]],
+            ranges[rows],
+            cosines[rows],
+            dropout=self.dropout,
+            least_signal=self.least_signal,
+        )
         rows = rows[draws[rows] >= missing]
         hit = hits[rows]
         points = directions_velo[rows] * (ranges[rows] + noise_m[rows])[:, None]
-        strength = (
-            snapshot.reflectances[hit] * (0.45 + 0.55 * cosines[rows]) * intensity_factor[rows]
-        )
-        percent = (np.clip(strength, 0, 0.99) * 100).round().astype(np.float32)
         return points.astype(np.float32), {
-            "intensity": percent / np.float32(100),
+            "intensity": intensity(
+                snapshot.reflectances[hit], cosines[rows], intensity_factor[rows]
+            ),
             "ring": (rows // self.columns).astype(np.int16),
             "label": snapshot.labels[hit],
             "object": snapshot.objects[hit],
@@ -227,16 +232,6 @@ class Scanner:
         down = np.minimum(directions_velo[:, 2], -1e-9)
         x, y = directions_velo[:, 0] * (z / down), directions_velo[:, 1] * (z / down)
         return np.asarray((x_from <= x) & (x <= x_to) & (y_from <= y) & (y <= y_to))
-
-    def _dropout_probability(
-        self, snapshot: Snapshot, ranges: Float64Array, hits: IntArray, cosines: Float64Array
-    ) -> Float64Array:
-        """Probability that a return is missing: at random, too weak, or reflected away by glass."""
-        signal = snapshot.reflectances[hits] * cosines / np.maximum(ranges, 1e-3) ** 2
-        detected = signal**3 / np.maximum(signal**3 + self.least_signal**3, 1e-300)
-        glassy = np.isin(snapshot.labels[hits], (LABELS["window"], LABELS["glass"]))
-        reflected_back = np.where(glassy, 1 - 0.75 * (1 - cosines**8), 1.0)
-        return np.asarray(1 - (1 - self.dropout) * detected * reflected_back)
 
 
 def _incidence(snapshot: Snapshot, hits: IntArray, directions_world: Float64Array) -> Float64Array:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
-from intervis.transform import rigid
+from intervis.transform import inverse, rigid
 
 WIDTH_PX, HEIGHT_PX = 1242, 375
 FOCAL_PX, CX_PX, CY_PX = 721.5377, 609.5593, 172.854
@@ -58,6 +58,14 @@ class SensorRig:
             rigid(_rotation(0.012, 0.002, -0.001), [-0.81, 0.32, -0.8])
         )
     )
+
+    def seen_from(self, velo_from_scanner: Float64Array) -> "SensorRig":
+        """The same cameras for a scanner elsewhere on the vehicle: (4, 4)."""
+        return SensorRig(
+            _printed(self.cam0_from_velo @ velo_from_scanner),
+            self.rectification,
+            _printed(inverse(velo_from_scanner) @ self.velo_from_imu),
+        )
 
     @property
     def cam_from_velo(self) -> Float64Array:

@@ -20,6 +20,7 @@ from intervis.drives.kitti_writer import (
 )
 from intervis.errors import MissingExtraError, OutputError, SettingsError
 from intervis.files import write_bytes
+from intervis.lab.worlds.mounted_scanner import EGO_FROM_VELO, MountedScanner
 from intervis.lab.worlds.ray_casting import require_embreex
 from intervis.lab.worlds.recording import FILE_NAME, PERIOD_S, world_bytes
 from intervis.lab.worlds.renderer import render
@@ -28,6 +29,7 @@ from intervis.lab.worlds.sensor_rig import SensorRig
 from intervis.lab.worlds.street.layout import build_street
 from intervis.lab.worlds.world import World
 from intervis.progress import Progress, silent
+from intervis.transform import inverse
 
 METADATA_NAME = "simulation.json"
 MADE_BY = "intervis simulate"
@@ -41,8 +43,9 @@ def simulate(
     frames: int = 10,
     seed: int = 0,
     progress: Progress | None = None,
-    scanner: Scanner | None = None,
+    scanner: Scanner | MountedScanner | None = None,
     images: bool = True,
+    motion_distortion: bool = False,
 ) -> Path:
     """Simulate a drive through the built-in street and write it in KITTI's raw layout.
 
@@ -64,10 +67,12 @@ def simulate(
         Selects street, traffic and noise; 0 or more.
     progress : callable, optional
         Called with a note after each frame.
-    scanner : Scanner, optional
-        Instead of the HDL-64E.
+    scanner : Scanner or MountedScanner, optional
+        Instead of the HDL-64E; a mounted one has its own place on the vehicle.
     images : bool
         False omits the images.
+    motion_distortion : bool
+        Vehicle and actors move during a sweep; the layout has no times of points.
 
     Returns
     -------
@@ -85,9 +90,18 @@ def simulate(
     """
     require_embreex()  # before anything is written
     if images:
-        _require_pillow()
-    seed, frames = _whole("seed", seed, 0), _whole("frames", frames, 1)
+        require_pillow()
+    seed, frames = whole_number("seed", seed, 0), whole_number("frames", frames, 1)
     world, sensor, rig = build_street(seed), scanner or Scanner(), SensorRig()
+    metadata: dict[str, Any] = {}
+    if isinstance(sensor, MountedScanner):
+        velo_from_scanner = inverse(EGO_FROM_VELO) @ sensor.ego_from_scanner
+        world, rig = world.seen_from(velo_from_scanner), rig.seen_from(velo_from_scanner)
+        metadata["scanner"] = {"name": sensor.model, "mount": sensor.mount}
+    else:
+        metadata["scanner"] = asdict(sensor)
+    if motion_distortion:
+        metadata["motion_distortion"] = True
     most = int(world.last_s / PERIOD_S) + 1
     if frames > most:
         raise SettingsError(f"frames must be at most {most}, where the street ends, got {frames}.")
@@ -98,17 +112,24 @@ def simulate(
         "edition": EDITION,
         "seed": seed,
         "images": images,
-        "scanner": asdict(sensor),
+        **metadata,
     }
     _prepare(layout, rig, metadata, frames)
     _write_sequence_files(layout, world, frames, images)
     for number in range(frames):
-        _write_frame(layout, world, sensor, rig, seed, number, images)
+        _write_frame(layout, world, sensor, rig, seed, number, images, motion_distortion)
         (progress or silent)(f"frame {number}")
     return layout.drive
 
 
-def _whole(name: str, number: object, least: int) -> int:
+def whole_number(name: str, number: object, least: int) -> int:
+    """The whole number of an option.
+
+    Raises
+    ------
+    SettingsError
+        It is no whole number, or less than `least`.
+    """
     if isinstance(number, bool) or not isinstance(number, Integral) or number < least:
         raise SettingsError(f"{name} must be a whole number of {least} or more, got {number!r}.")
     return int(number)
@@ -160,11 +181,12 @@ def _write_sequence_files(layout: Layout, world: World, frames: int, images: boo
 def _write_frame(
     layout: Layout,
     world: World,
-    scanner: Scanner,
+    scanner: Scanner | MountedScanner,
     rig: SensorRig,
     seed: int,
     number: int,
     images: bool,
+    motion: bool,
 ) -> None:
     scan, image = layout.scan(number), layout.image(number)
     if scan.is_file() and (image.is_file() or not images):
@@ -172,14 +194,23 @@ def _write_frame(
     time_s = number * PERIOD_S
     snapshot, pose = world.at(time_s), world.vehicle_pose_at(time_s)
     rng = np.random.default_rng([seed, number])
-    points, attributes = scanner.scan(snapshot, pose, rng)
+    if isinstance(scanner, MountedScanner):
+        ego_from_scanner = scanner.ego_from_scanner
+        world_from_ego = lambda moment_s: (  # noqa: E731
+            world.vehicle_pose_at(moment_s) @ inverse(ego_from_scanner)
+        )
+        points, attributes = scanner.sweep(world, world_from_ego, time_s, rng, motion=motion)
+    elif motion:
+        points, attributes = scanner.sweep(world, time_s, rng)
+    else:
+        points, attributes = scanner.scan(snapshot, pose, rng)
     write_bytes(scan, scan_bytes(points, attributes["intensity"]))
     if images:
         picture = render(snapshot, rig.camera(), rig.cam_from_velo, pose)
         write_bytes(image, _png_bytes(picture))
 
 
-def _require_pillow() -> Any:
+def require_pillow() -> Any:
     """Pillow's module Image."""
     try:
         from PIL import Image
@@ -191,5 +222,5 @@ def _require_pillow() -> Any:
 def _png_bytes(picture: NDArray[np.uint8]) -> bytes:
     """The bytes of a PNG file of a picture (H, W, 3)."""
     buffer = io.BytesIO()
-    _require_pillow().fromarray(picture).save(buffer, "PNG", compress_level=4)
+    require_pillow().fromarray(picture).save(buffer, "PNG", compress_level=4)
     return buffer.getvalue()

@@ -1,7 +1,7 @@
 """A world: static triangles, actors that move, and the pose of everything at a given time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,9 @@ from intervis.arrays import Float32Array, Float64Array, IntArray
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.lab.worlds.triangles import Triangles
 from intervis.transform import transform
+
+ACTOR_STEP_S = 0.0025
+"""Actors move in such steps: 4 cm at 17 m/s between two cars."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +65,28 @@ class Snapshot:
 
 
 @dataclass(frozen=True, eq=False)
+class Hits:
+    """What R rays hit first; the rows of rays that hit nothing have no meaning but in `ranges_m`.
+
+    Attributes
+    ----------
+    ranges_m : (R,) float64 array
+        Infinite where nothing is hit.
+    cosines : (R,) float64 array
+        Between the ray and the normal of the surface.
+    labels, objects : (R,) arrays
+        Of the triangles, as in `Snapshot`.
+    reflectances : (R,) float32 array
+    """
+
+    ranges_m: Float64Array
+    cosines: Float64Array
+    labels: NDArray[np.int8]
+    objects: IntArray
+    reflectances: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
 class World:
     """Known triangles, static and moving, and the vehicle that carries the scanner.
 
@@ -80,6 +105,11 @@ class World:
     actors: tuple[Actor, ...]
     vehicle_pose_at: Callable[[float], Float64Array] = field(repr=False)
     last_s: float = np.inf
+
+    def seen_from(self, velo_from_scanner: Float64Array) -> "World":
+        """The same world, whose vehicle carries its scanner elsewhere: (4, 4)."""
+        pose_at = self.vehicle_pose_at
+        return replace(self, vehicle_pose_at=lambda time_s: pose_at(time_s) @ velo_from_scanner)
 
     @cached_property
     def _all(self) -> Triangles:
@@ -122,3 +152,54 @@ class World:
             self._all.reflectances,
             RayCaster.joined([self._static_caster, moving]),
         )
+
+    def cast(
+        self,
+        origins: Float64Array,
+        directions: Float64Array,
+        times_s: Float64Array,
+        farthest_m: float,
+    ) -> Hits:
+        """The first hits of rays at various times.
+
+        Parameters
+        ----------
+        origins, directions : (R, 3) float64 arrays
+            World frame; directions of unit length.
+        times_s : (R,) float64 array
+            Actors stand where they are at the time of each ray, to `ACTOR_STEP_S`.
+        farthest_m : float
+        """
+        ranges_m, hits = self._static_caster.closest(origins, directions, farthest_m)
+        normals = np.zeros_like(directions)
+        normals[hits >= 0] = self._static_normals[hits[hits >= 0]]
+        steps = np.round(times_s / ACTOR_STEP_S).astype(np.int64)
+        for step in np.unique(steps) if self.actors else ():
+            rays = np.flatnonzero(steps == step)
+            corners, own_normals = self._moving_at(float(step) * ACTOR_STEP_S)
+            own_m, own = RayCaster(corners).closest(origins[rays], directions[rays], farthest_m)
+            nearer = own_m < ranges_m[rays]
+            rays, own = rays[nearer], own[nearer]
+            ranges_m[rays], hits[rays] = own_m[nearer], own + len(self.static)
+            normals[rays] = own_normals[own]
+        cosines = np.abs(np.einsum("ij,ij->i", normals, directions))
+        every = self._all
+        return Hits(
+            ranges_m, cosines, every.labels[hits], self._objects[hits], every.reflectances[hits]
+        )
+
+    def _moving_at(self, time_s: float) -> tuple[Float64Array, Float64Array]:
+        """Corners and normals of the actors' triangles, world frame."""
+        poses = [actor.pose_at(time_s) for actor in self.actors]
+        corners = [
+            transform(pose, actor.triangles.corners)
+            for pose, actor in zip(poses, self.actors, strict=True)
+        ]
+        normals = [
+            own @ pose[:3, :3].T for pose, own in zip(poses, self._actor_normals, strict=True)
+        ]
+        return np.concatenate(corners), np.concatenate(normals)
+
+    @cached_property
+    def _actor_normals(self) -> list[Float64Array]:
+        return [actor.triangles.normals for actor in self.actors]
