@@ -11,9 +11,9 @@ import intervis
 from intervis.lab.worlds import simulate
 from intervis.transform import rigid
 from intervis.uses import Agent, mutual_sight
-from intervis.uses.agent_file import scanner_agent
-from intervis.uses.agents_table import matrix_table, pair_table, pairs_of
-from intervis.uses.survey import scene_of_drive
+from intervis.uses.agents.agent_file import scanner_agent
+from intervis.uses.agents.agents_table import matrix_table, pair_table, pairs_of
+from intervis.uses.routes.survey import scene_of_drive
 
 FACING_BACK = np.diag([-1.0, -1.0, 1.0])
 

@@ -8,7 +8,7 @@ import tempfile
 import intervis
 from intervis.lab.worlds import simulate
 from intervis.uses import Zone, route_of_drive, survey_of, zones_along
-from intervis.uses.route_sight_table import sighting_table
+from intervis.uses.routes.route_sight_table import sighting_table
 
 
 def main(drive: intervis.Drive) -> None:

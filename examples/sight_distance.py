@@ -19,7 +19,7 @@ from intervis.uses import (
     sight_distances,
     survey_of,
 )
-from intervis.uses.sight_distance_table import station_table, summary
+from intervis.uses.routes.sight_distance_table import station_table, summary
 
 STEP_M = 0.25
 

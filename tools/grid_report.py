@@ -21,11 +21,11 @@ from intervis.lab.truth.exact_voxels import VoxelScore, score_voxels
 from intervis.lab.worlds import Scanner, build_street
 from intervis.plots.tables import Table
 from intervis.transform import inverse
-from intervis.uses.camera_voxels import PosedCamera, seen_by_pixels
-from intervis.uses.carving import STATES, Carver
-from intervis.uses.mask_layouts import LAYOUTS, OCC3D_FREE
-from intervis.uses.masks import beam_marks
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.camera_voxels import PosedCamera, seen_by_pixels
+from intervis.uses.voxels.carving import STATES, Carver
+from intervis.uses.voxels.mask_layouts import LAYOUTS, OCC3D_FREE
+from intervis.uses.voxels.masks import beam_marks
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 FLAT_CLASSES = (11, 12, 13, 14)
 """Occ3D's classes of ground: driveable surface, other flat, sidewalk, terrain."""

@@ -8,8 +8,8 @@ import pytest
 
 from intervis.cli import exit_code
 from intervis.drives import open_drive
-from intervis.uses.drive_masks import MaskSettings, frame_masks, on_own_car, read_classes
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.drive_masks import MaskSettings, frame_masks, on_own_car, read_classes
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 SMALL = ["--layout", "npz", "--corner", "0,-4,-2", "--cell", "0.5", "--shape", "24,16,8"]
 

@@ -14,10 +14,10 @@ from intervis.cli import exit_code
 from intervis.errors import CalibrationError, DriveError, PointsError, SettingsError
 from intervis.sight import Scene
 from intervis.transform import rigid
-from intervis.uses.agent_file import labelled_agents, read_agents, scanner_agent
-from intervis.uses.agents import ABSENT, REASONS, Agent, mutual_sight
-from intervis.uses.agents_table import frames_as_csv, matrix_table, pairs_of
-from intervis.uses.survey import has_times, scene_of_drive
+from intervis.uses.agents.agent_file import labelled_agents, read_agents, scanner_agent
+from intervis.uses.agents.agents_table import frames_as_csv, matrix_table, pairs_of
+from intervis.uses.agents.mutual_sight import ABSENT, REASONS, Agent, mutual_sight
+from intervis.uses.routes.survey import has_times, scene_of_drive
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_a_body_does_not_hide_its_own_eye(scene: Scene) -> None:
     st.floats(0, 360),
 )
 def test_lines_start_where_they_leave_the_body(share, towards, yaw_deg: float) -> None:
-    from intervis.uses.agents import BODY_MARGIN_M, _way_out
+    from intervis.uses.agents.mutual_sight import BODY_MARGIN_M, _way_out
 
     half = np.array([2.0, 1.0, 0.7])
     eye_in_box = np.array(share) * half

@@ -5,7 +5,7 @@ import pytest
 
 from intervis.errors import SceneError, SettingsError
 from intervis.transform import rigid, transform
-from intervis.uses.bev_grid import BevGrid, bev_grid
+from intervis.uses.voxels.bev_grid import BevGrid, bev_grid
 
 FREE, OCCUPIED, OCCLUDED, UNKNOWN = range(4)
 

@@ -25,8 +25,8 @@ from intervis.sight.reference import (
     _planar_range_and_elevation,
 )
 from intervis.transform import rigid, transform
-from intervis.uses.carving import STATES, Carver
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.carving import STATES, Carver
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 FREE, OCCUPIED, OCCLUDED, UNKNOWN = range(4)
 

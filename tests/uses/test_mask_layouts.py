@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from intervis.errors import OutputError
-from intervis.uses.mask_layouts import LAYOUTS, FrameName, layout_named, write_masks
-from intervis.uses.masks import Masks
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.mask_layouts import LAYOUTS, FrameName, layout_named, write_masks
+from intervis.uses.voxels.masks import Masks
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 SHAPE = (8, 6, 4)
 NAME = FrameName("drive_1", 7, "sweep.pcd.bin")

@@ -7,9 +7,9 @@ from intervis.camera import Camera
 from intervis.errors import SettingsError
 from intervis.sight import Scene
 from intervis.transform import inverse, rigid, transform
-from intervis.uses.camera_voxels import PosedCamera, in_image, seen_by_pixels
-from intervis.uses.masks import DEFINITIONS, PosedScan, masks_of
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.camera_voxels import PosedCamera, in_image, seen_by_pixels
+from intervis.uses.voxels.masks import DEFINITIONS, PosedScan, masks_of
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 GRID = VoxelGrid([0.0, -4.0, -1.8], 0.4, (30, 20, 8))
 AHEAD = rigid([[0, -1, 0], [0, 0, -1], [1, 0, 0]], [0.0, 0.0, 0.0])

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from intervis.uses.kernels.ray_walk import CROSSED, ENDED, mark_beams, mark_pixels, walk
+from intervis.uses.voxels.kernels.ray_walk import CROSSED, ENDED, mark_beams, mark_pixels, walk
 
 SHAPE = (6, 5, 4)
 

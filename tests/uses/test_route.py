@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from intervis import open_drive
 from intervis.errors import CalibrationError, DriveError, PointsError, SceneError, SettingsError
 from intervis.transform import transform
-from intervis.uses.road_surface import RoadSurface
-from intervis.uses.route import Route
-from intervis.uses.route_file import read_route, route_of_drive
+from intervis.uses.routes.road_surface import RoadSurface
+from intervis.uses.routes.route import Route
+from intervis.uses.routes.route_file import read_route, route_of_drive
 
 PLACES = st.lists(
     st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=2, max_size=12

@@ -14,11 +14,11 @@ from intervis import open_drive
 from intervis.cli import exit_code
 from intervis.errors import DriveError, PointsError, SceneError, SettingsError
 from intervis.sight import VISIBLE, Scene
-from intervis.uses.route import Route
-from intervis.uses.route_answer import targets_along, zones_along
-from intervis.uses.route_file import route_of_drive
-from intervis.uses.route_sight import OUT_OF_RANGE, route_sight, sightings, zone_sight
-from intervis.uses.survey import (
+from intervis.uses.routes.route import Route
+from intervis.uses.routes.route_answer import targets_along, zones_along
+from intervis.uses.routes.route_file import route_of_drive
+from intervis.uses.routes.route_sight import OUT_OF_RANGE, route_sight, sightings, zone_sight
+from intervis.uses.routes.survey import (
     check_route_in_survey,
     moments_near,
     moments_of_poses,
@@ -26,8 +26,8 @@ from intervis.uses.survey import (
     scene_of_drive,
     survey_of,
 )
-from intervis.uses.target_file import check_targets_in_scene, read_targets
-from intervis.uses.zone import Zone
+from intervis.uses.routes.target_file import check_targets_in_scene, read_targets
+from intervis.uses.routes.zone import Zone
 
 NAN = float("nan")
 

@@ -33,17 +33,28 @@ from intervis.lab.worlds.roads import (
 )
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
 from intervis.transform import rigid, transform
-from intervis.uses.route import Route
-from intervis.uses.sight_distance import NO_TARGET, SightDistances, mean_grade, sight_distances
-from intervis.uses.sight_distance_table import (
+from intervis.uses.routes.route import Route
+from intervis.uses.routes.sight_distance import (
+    NO_TARGET,
+    SightDistances,
+    mean_grade,
+    sight_distances,
+)
+from intervis.uses.routes.sight_distance_table import (
     as_csv,
     geojson_of,
     hidden_stretches,
     stations_of,
     worst_stations,
 )
-from intervis.uses.sight_standard import AASHTO, AUSTROADS, DMRB, SightStandard, standard_named
-from intervis.uses.survey import classes_of, route_on_road, survey_of
+from intervis.uses.routes.sight_standard import (
+    AASHTO,
+    AUSTROADS,
+    DMRB,
+    SightStandard,
+    standard_named,
+)
+from intervis.uses.routes.survey import classes_of, route_on_road, survey_of
 
 Array = NDArray[np.float64]
 STEP_M = 0.5

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intervis.errors import PointsError, SettingsError
-from intervis.uses.voxel_grid import MOST_VOXELS, VoxelGrid
+from intervis.uses.voxels.voxel_grid import MOST_VOXELS, VoxelGrid
 
 SIDES = st.tuples(*[st.integers(1, 40)] * 3)
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from intervis.uses.voxel_grid import VoxelGrid
-from intervis.uses.voxelizer import blocked_masks, tool_keeps, voted_labels
+from intervis.uses.voxels.voxel_grid import VoxelGrid
+from intervis.uses.voxels.voxelizer import blocked_masks, tool_keeps, voted_labels
 
 F = np.float32
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from intervis.errors import DriveError, PointsError
 from intervis.sight import Scene
-from intervis.uses.zone import Zone, read_zones
+from intervis.uses.routes.zone import Zone, read_zones
 
 L_SHAPE = [[0, 0], [6, 0], [6, 2], [2, 2], [2, 5], [0, 5]]
 

@@ -13,7 +13,7 @@ from intervis.cli.terminal import progress, show
 if TYPE_CHECKING:
     from intervis.drives import Drive
     from intervis.sight import Scene
-    from intervis.uses.agents import Agent, MutualSight
+    from intervis.uses.agents.mutual_sight import Agent, MutualSight
 
 SHOWN_NAMES, SHOWN_PAIRS = 8, 40
 
@@ -76,9 +76,9 @@ def agents(
     from intervis.drives import open_drive
     from intervis.run.stream import selected_frames
     from intervis.sight.occupancy_model import DEFAULT_RISK
-    from intervis.uses.agents import mutual_sight
-    from intervis.uses.agents_table import matrix_table, pair_table, pairs_of
-    from intervis.uses.survey import has_times, scene_of_drive
+    from intervis.uses.agents.agents_table import matrix_table, pair_table, pairs_of
+    from intervis.uses.agents.mutual_sight import mutual_sight
+    from intervis.uses.routes.survey import has_times, scene_of_drive
 
     drive = open_drive(source)
     numbers = selected_frames(drive.frame_numbers, frame_range)
@@ -110,7 +110,7 @@ def _agents(
     reach_m: float,
 ) -> "list[Agent]":
     from intervis.errors import DriveError
-    from intervis.uses.agent_file import labelled_agents, read_agents, scanner_agent
+    from intervis.uses.agents.agent_file import labelled_agents, read_agents, scanner_agent
 
     found = [scanner_agent(drive, numbers)] if scanner else []
     if file is not None:
@@ -132,7 +132,7 @@ def _write(
     picture: Path | None,
 ) -> None:
     from intervis.files import write_text
-    from intervis.uses.agents_table import frames_as_csv, pairs_as_csv, pairs_of
+    from intervis.uses.agents.agents_table import frames_as_csv, pairs_as_csv, pairs_of
 
     if csv is not None:
         write_text(csv, pairs_as_csv(pairs_of(found)))
@@ -140,7 +140,7 @@ def _write(
         write_text(every, frames_as_csv(found))
     if picture is not None:
         from intervis.plots.style import save_figure
-        from intervis.uses.agents_figure import agents_picture
+        from intervis.uses.agents.agents_figure import agents_picture
 
         figure = agents_picture(found, returns_above(drive, numbers[:1]))
         save_figure(figure, picture, picture.suffix[1:].lower())

@@ -11,10 +11,10 @@ from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
-    from intervis.uses.drive_masks import MaskSettings
-    from intervis.uses.mask_layouts import FrameName, MaskLayout
-    from intervis.uses.masks import Masks
-    from intervis.uses.voxel_grid import VoxelGrid
+    from intervis.uses.voxels.drive_masks import MaskSettings
+    from intervis.uses.voxels.mask_layouts import FrameName, MaskLayout
+    from intervis.uses.voxels.masks import Masks
+    from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 
 def masks(
@@ -84,9 +84,9 @@ def masks(
 
     from intervis.drives import open_drive
     from intervis.run.stream import selected_frames
-    from intervis.uses.drive_masks import drive_cameras, frame_masks, later_frames
-    from intervis.uses.mask_folder import check_folder, claim_folder
-    from intervis.uses.mask_layouts import write_masks
+    from intervis.uses.voxels.drive_masks import drive_cameras, frame_masks, later_frames
+    from intervis.uses.voxels.mask_folder import check_folder, claim_folder
+    from intervis.uses.voxels.mask_layouts import write_masks
 
     chosen = _layout(layout, definition, (corner, cell, shape))
     count = chosen.later if later is None else _whole("--later", later, 0)
@@ -120,7 +120,7 @@ def masks(
     show(f"Masks: {out}")
     if picture is not None:
         from intervis.plots.style import save_figure
-        from intervis.uses.mask_figure import mask_picture
+        from intervis.uses.voxels.mask_figure import mask_picture
 
         save_figure(mask_picture(first), picture, picture.suffix[1:].lower())
         show(f"Picture: {picture}")
@@ -141,8 +141,8 @@ def _layout(
     from dataclasses import replace
 
     from intervis.errors import SettingsError
-    from intervis.uses.mask_layouts import layout_named
-    from intervis.uses.masks import DEFINITIONS
+    from intervis.uses.voxels.mask_layouts import layout_named
+    from intervis.uses.voxels.masks import DEFINITIONS
 
     layout = layout_named(name)
     if definition not in DEFINITIONS:
@@ -165,7 +165,7 @@ def _grid(
     default: "VoxelGrid", corner: str | None, cell: float | None, shape: str | None
 ) -> "VoxelGrid":
     from intervis.errors import SettingsError
-    from intervis.uses.voxel_grid import VoxelGrid
+    from intervis.uses.voxels.voxel_grid import VoxelGrid
 
     counts: list[int] | tuple[int, int, int] = default.shape
     if shape is not None:
@@ -191,7 +191,7 @@ def _settings(
 
     from intervis.errors import SettingsError
     from intervis.transform import rigid
-    from intervis.uses.drive_masks import MaskSettings, read_classes
+    from intervis.uses.voxels.drive_masks import MaskSettings, read_classes
 
     lidar_at, classes = given
     place = layout.lidar_in_ego_m or (0.0, 0.0, 0.0)
@@ -210,7 +210,7 @@ def _settings(
 
 
 def _name(drive: "Drive", number: int) -> "FrameName":
-    from intervis.uses.mask_layouts import FrameName
+    from intervis.uses.voxels.mask_layouts import FrameName
 
     path = drive.scan_paths[number]
     alone = sum(other == path for other in drive.scan_paths.values()) == 1

@@ -22,9 +22,9 @@ from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
-    from intervis.uses.route import Route
-    from intervis.uses.route_answer import RouteAnswer
-    from intervis.uses.survey import Survey
+    from intervis.uses.routes.route import Route
+    from intervis.uses.routes.route_answer import RouteAnswer
+    from intervis.uses.routes.survey import Survey
 
 SHOWN_ROWS, HIGHEST_M = 40, 100.0
 MOMENTS = ("map", "pose")
@@ -105,8 +105,8 @@ def route(
     options.check_picture_file(picture)
 
     from intervis.drives import open_drive
-    from intervis.uses.route_sight_table import sighting_table
-    from intervis.uses.survey import route_on_road
+    from intervis.uses.routes.route_sight_table import sighting_table
+    from intervis.uses.routes.survey import route_on_road
 
     drive = open_drive(source)
     way = route_of(drive, route_file, hz)
@@ -137,9 +137,9 @@ def _answer(
     moments: str,
 ) -> "RouteAnswer":
     from intervis.sight.occupancy_model import DEFAULT_RISK
-    from intervis.uses.route_answer import targets_along, zones_along
-    from intervis.uses.target_file import check_targets_in_scene, read_targets
-    from intervis.uses.zone import read_zones
+    from intervis.uses.routes.route_answer import targets_along, zones_along
+    from intervis.uses.routes.target_file import check_targets_in_scene, read_targets
+    from intervis.uses.routes.zone import read_zones
 
     with progress("places", len(way.stations(step_m))) as advance:
         asked: Any = {
@@ -166,7 +166,7 @@ def _write(
     import json
 
     from intervis.files import write_text
-    from intervis.uses.route_sight_table import (
+    from intervis.uses.routes.route_sight_table import (
         shares_as_csv,
         sightings_as_csv,
         sightings_as_geojson,
@@ -184,7 +184,7 @@ def _write(
         write_text(geojson, json.dumps(content, allow_nan=False) + "\n")
     if picture is not None:
         from intervis.plots.style import save_figure
-        from intervis.uses.route_figure import route_picture
+        from intervis.uses.routes.route_figure import route_picture
 
         figure = route_picture(
             answer, returns_above(drive, survey.frames), survey.height_above_road(answer.route)

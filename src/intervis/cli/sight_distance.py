@@ -25,9 +25,9 @@ from intervis.cli.terminal import progress, show
 if TYPE_CHECKING:
     from intervis.arrays import Float64Array
     from intervis.drives import Drive
-    from intervis.uses.route import Route
-    from intervis.uses.sight_distance import SightDistances
-    from intervis.uses.survey import Survey
+    from intervis.uses.routes.route import Route
+    from intervis.uses.routes.sight_distance import SightDistances
+    from intervis.uses.routes.survey import Survey
 
 KMH_PER_MPS = 3.6
 
@@ -108,7 +108,7 @@ def sightdistance(
     Objects are placed ahead on the path; all distances run along it. What is unknown is counted
     apart and never as visible.
     """
-    from intervis.uses.sight_standard import standard_named
+    from intervis.uses.routes.sight_standard import standard_named
 
     chosen = standard_named(standard).changed(
         eye_m=options.heights(eye, "--eye"),
@@ -121,8 +121,8 @@ def sightdistance(
 
     from intervis.drives import open_drive
     from intervis.sight.occupancy_model import DEFAULT_RISK
-    from intervis.uses.sight_distance import sight_distances
-    from intervis.uses.survey import classes_of, route_on_road
+    from intervis.uses.routes.sight_distance import sight_distances
+    from intervis.uses.routes.survey import classes_of, route_on_road
 
     drive = open_drive(source)
     route = route_of(drive, route_file, hz)
@@ -174,7 +174,7 @@ def _check(moments: str, outputs: dict[str, Path | None], worst: Path | None) ->
 
 
 def _show(found: "SightDistances") -> None:
-    from intervis.uses.sight_distance_table import station_table, summary
+    from intervis.uses.routes.sight_distance_table import station_table, summary
 
     table = station_table(found)
     show(replace(table, rows=table.rows[:SHOWN_ROWS]).as_text())
@@ -186,7 +186,7 @@ def _show(found: "SightDistances") -> None:
 def _moments(name: str, survey: "Survey", road: "Route", step_m: float) -> "Float64Array | None":
     """Query times of the stations."""
     from intervis.errors import SettingsError
-    from intervis.uses.survey import has_times, moments_near, moments_of_poses
+    from intervis.uses.routes.survey import has_times, moments_near, moments_of_poses
 
     if name == "map":
         return None
@@ -209,7 +209,7 @@ def _write(
     import json
 
     from intervis.files import write_text
-    from intervis.uses.sight_distance_table import as_csv, geojson_of
+    from intervis.uses.routes.sight_distance_table import as_csv, geojson_of
 
     if csv is not None:
         write_text(csv, as_csv(found))
@@ -217,7 +217,7 @@ def _write(
         write_text(geojson, json.dumps(geojson_of(found), allow_nan=False) + "\n")
     if picture is not None:
         from intervis.plots.style import save_figure
-        from intervis.uses.sight_distance_figure import sight_distance_picture
+        from intervis.uses.routes.sight_distance_figure import sight_distance_picture
 
         figure = sight_distance_picture(found, returns_above(drive, survey.frames))
         save_figure(figure, picture, picture.suffix[1:].lower())
@@ -233,8 +233,8 @@ def _draw_worst(found: "SightDistances", survey: "Survey", drive: "Drive", folde
     import numpy as np
 
     from intervis.plots.style import save_figure
-    from intervis.uses.sight_distance_table import worst_stations
-    from intervis.uses.sight_place_figure import place_picture
+    from intervis.uses.routes.sight_distance_table import worst_stations
+    from intervis.uses.routes.sight_place_figure import place_picture
 
     stations = worst_stations(found, MOST_PICTURES)
     places = survey.scene.poses[:, :2, 3]

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from intervis.arrays import Float64Array
     from intervis.drives import Drive
-    from intervis.uses.route import Route
-    from intervis.uses.survey import Survey
+    from intervis.uses.routes.route import Route
+    from intervis.uses.routes.survey import Survey
 
 Frames = Annotated[
     str | None,
@@ -63,7 +63,7 @@ SHOWN_SCANS, SHOWN_RETURNS = 12, 250_000
 
 def route_of(drive: "Drive", path: Path | None, hz: float | None) -> "Route":
     """The route of a file, or the way of the drive's scanner."""
-    from intervis.uses.route_file import drive_start_s, read_route, route_of_drive
+    from intervis.uses.routes.route_file import drive_start_s, read_route, route_of_drive
 
     if path is None:
         return route_of_drive(drive, hz)
@@ -80,7 +80,7 @@ def read_survey(
 ) -> "Survey":
     """The scans of the chosen frames; the route must not leave them."""
     from intervis.run.stream import selected_frames
-    from intervis.uses.survey import check_route_in_survey, survey_of
+    from intervis.uses.routes.survey import check_route_in_survey, survey_of
 
     numbers = selected_frames(drive.frame_numbers, frames)
     with progress("scans", len(numbers)) as advance:

@@ -15,8 +15,8 @@ from intervis.lab.truth.exact_voxels import (
 )
 from intervis.lab.worlds import RayCaster, Scanner, build_street
 from intervis.transform import inverse, transform
-from intervis.uses.carving import Carver
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.carving import Carver
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 
 @given(st.integers(0, 2**32 - 1))

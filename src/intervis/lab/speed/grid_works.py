@@ -10,9 +10,9 @@ from intervis.lab.speed.timing import Work
 from intervis.sight import Scene
 from intervis.transform import inverse, rigid
 from intervis.uses import Carver, PosedScan, VoxelGrid, bev_grid, masks_of
-from intervis.uses.camera_voxels import PosedCamera
-from intervis.uses.drive_masks import on_own_car
-from intervis.uses.mask_layouts import LAYOUTS
+from intervis.uses.voxels.camera_voxels import PosedCamera
+from intervis.uses.voxels.drive_masks import on_own_car
+from intervis.uses.voxels.mask_layouts import LAYOUTS
 
 KITTI, OCC3D = LAYOUTS["semantickitti"].grid, LAYOUTS["occ3d-nuscenes"].grid
 

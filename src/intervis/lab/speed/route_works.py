@@ -8,7 +8,7 @@ from intervis.arrays import Float64Array
 from intervis.lab.speed.timing import Work
 from intervis.sight import Scene
 from intervis.uses import AASHTO, Route, sight_distances
-from intervis.uses.route_sight import route_sight
+from intervis.uses.routes.route_sight import route_sight
 
 PLACES, TARGETS = 100, 10_000
 BEYOND_M = 50.0

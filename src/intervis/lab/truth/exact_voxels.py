@@ -20,8 +20,8 @@ from intervis.arrays import BoolArray, Float64Array
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.lab.worlds.scanner import Scanner
 from intervis.transform import inverse, transform
-from intervis.uses.carving import CarvedGrid
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.carving import CarvedGrid
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 MARGIN_M = 0.05
 """Two and a half times the range noise of the simulated scanner."""

@@ -20,7 +20,7 @@ from intervis.lab.worlds.triangles import Material, Triangles
 from intervis.lab.worlds.world import Snapshot, World
 from intervis.sight import Scene
 from intervis.transform import rigid
-from intervis.uses.route import Route
+from intervis.uses.routes.route import Route
 
 SENSOR_M = 1.73
 """Height of the scanner above the road."""

@@ -13,9 +13,9 @@ from intervis.drives.calibration import read_lines
 from intervis.errors import CalibrationError, DriveError, PointsError
 from intervis.sight import Scene
 from intervis.transform import rigid
-from intervis.uses.agents import Agent
-from intervis.uses.survey import distance_to_scans
-from intervis.uses.target_file import FARTHEST_M
+from intervis.uses.agents.mutual_sight import Agent
+from intervis.uses.routes.survey import distance_to_scans
+from intervis.uses.routes.target_file import FARTHEST_M
 
 COLUMNS = (
     *("name", "x", "y", "z", "height", "yaw_deg", "fov_deg", "range_m", "frame"),

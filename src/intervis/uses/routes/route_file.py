@@ -11,7 +11,7 @@ from intervis.drives import Drive
 from intervis.drives.calibration import COMMENT, parse_numbers, read_lines
 from intervis.drives.trajectory import read_poses
 from intervis.errors import CalibrationError, DriveError, PointsError, SettingsError
-from intervis.uses.route import Route
+from intervis.uses.routes.route import Route
 
 KMH_PER_MPS = 3.6
 TUM_NUMBERS = 8

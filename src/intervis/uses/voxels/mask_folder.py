@@ -9,7 +9,7 @@ import intervis
 from intervis.drives import Drive
 from intervis.errors import OutputError
 from intervis.files import make_folder, write_text
-from intervis.uses.drive_masks import MaskSettings
+from intervis.uses.voxels.drive_masks import MaskSettings
 
 METADATA_NAME = "masks.json"
 MADE_BY = "intervis masks"

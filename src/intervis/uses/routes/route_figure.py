@@ -7,9 +7,9 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.plots.style import FAINT, INTERVISIBLE, NODE, dots, legend_below, page_figure
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
-from intervis.uses.plan_frame import PlanFrame
-from intervis.uses.route_answer import RouteAnswer
-from intervis.uses.route_sight import OUT_OF_RANGE
+from intervis.uses.routes.plan_frame import PlanFrame
+from intervis.uses.routes.route_answer import RouteAnswer
+from intervis.uses.routes.route_sight import OUT_OF_RANGE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,7 +7,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.plots.style import FAINT, INK, dots
-from intervis.uses.route import Route
+from intervis.uses.routes.route import Route
 
 AROUND_M = 9.0
 """Margin of the plan around what it shows."""

@@ -6,7 +6,7 @@
   anchor scan alone, the *target* the anchor and the next 70 scans.
 - *Occluded* is a voxel whose walk to the sensor of the anchor is blocked in the target, *invalid*
   one whose walks to the sensors of all these scans are, without being occupied itself
-  (`intervis.uses.kernels.voxelizer_walk`).
+  (`intervis.uses.voxels.kernels.voxelizer_walk`).
 
 Moving objects stay in the target, as tubes, unless the caller leaves their returns out.
 """
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray, IntArray, finite_rows
-from intervis.uses.kernels.voxelizer_walk import update_blocked
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.kernels.voxelizer_walk import update_blocked
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 NEAREST_M, FARTHEST_M = 2.5, 70.0
 CAR_X_M, CAR_Y_M = (-2.0, 3.0), 2.0

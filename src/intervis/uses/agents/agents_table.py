@@ -7,7 +7,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.plots.tables import Table
-from intervis.uses.agents import ABSENT, HIDDEN, REASONS, SEES, MutualSight
+from intervis.uses.agents.mutual_sight import ABSENT, HIDDEN, REASONS, SEES, MutualSight
 
 
 @dataclass(frozen=True, eq=False)

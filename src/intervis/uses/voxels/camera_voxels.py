@@ -11,8 +11,8 @@ from intervis.camera import Camera
 from intervis.kernels import in_parts
 from intervis.sight import Scene
 from intervis.transform import inverse, transform
-from intervis.uses.kernels.ray_walk import mark_pixels
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.kernels.ray_walk import mark_pixels
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 NEAREST_M = 0.1
 """Depth from which on a voxel's centre is in the image."""

@@ -13,8 +13,8 @@ from intervis.progress import Progress, silent
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import positive_length
-from intervis.uses.sight_distance import runs_of
-from intervis.uses.zone import Zone
+from intervis.uses.routes.sight_distance import runs_of
+from intervis.uses.routes.zone import Zone
 
 OUT_OF_RANGE = -2
 """State of targets that are farther than the range."""

@@ -17,8 +17,8 @@ from intervis.progress import Progress, silent
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import finite_number, positive_length
-from intervis.uses.route import Route
-from intervis.uses.sight_standard import SightStandard
+from intervis.uses.routes.route import Route
+from intervis.uses.routes.sight_standard import SightStandard
 
 NEAREST_M = 5.0
 """Nearer objects are not judged: the vehicle that carried the scanner stood there."""

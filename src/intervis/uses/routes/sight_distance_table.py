@@ -9,8 +9,8 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.plots.tables import Table
 from intervis.sight import OCCLUDED, VISIBLE
-from intervis.uses.route_file import KMH_PER_MPS
-from intervis.uses.sight_distance import DEFICIENT, SUFFICIENT, SightDistances, runs_of
+from intervis.uses.routes.route_file import KMH_PER_MPS
+from intervis.uses.routes.sight_distance import DEFICIENT, SUFFICIENT, SightDistances, runs_of
 
 
 @dataclass(frozen=True, eq=False)

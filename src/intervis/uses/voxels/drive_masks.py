@@ -17,10 +17,10 @@ from intervis.drives.regular_file import open_regular
 from intervis.errors import DriveError, SettingsError
 from intervis.progress import Progress
 from intervis.transform import inverse, transform
-from intervis.uses.camera_voxels import PosedCamera
-from intervis.uses.masks import Masks, PosedScan, masks_of
-from intervis.uses.voxel_grid import VoxelGrid
-from intervis.uses.voxelizer import CAR_X_M
+from intervis.uses.voxels.camera_voxels import PosedCamera
+from intervis.uses.voxels.masks import Masks, PosedScan, masks_of
+from intervis.uses.voxels.voxel_grid import VoxelGrid
+from intervis.uses.voxels.voxelizer import CAR_X_M
 
 MOST_CLASSES_BYTES = 1_000_000
 OWN_WIDTH_M = 2.4
@@ -35,7 +35,7 @@ class MaskSettings:
     ----------
     grid : VoxelGrid
     definition : str
-        See `intervis.uses.masks`.
+        See `intervis.uses.voxels.masks`.
     later : int
         So many frames after each frame are added to its target.
     keep_moving : bool
@@ -86,7 +86,7 @@ def frame_masks(
     DriveError
         There is no such frame, or frames are added and have no poses.
     SettingsError
-        As `intervis.uses.masks.masks_of`.
+        As `intervis.uses.voxels.masks.masks_of`.
     """
     now = drive[number]
     scans = _scans_of(now, settings)

@@ -15,8 +15,8 @@ from intervis.plots.style import (
     page_figure,
 )
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
-from intervis.uses.plan_frame import PlanFrame
-from intervis.uses.sight_distance import (
+from intervis.uses.routes.plan_frame import PlanFrame
+from intervis.uses.routes.sight_distance import (
     DEFICIENT,
     NO_TARGET,
     SUFFICIENT,

@@ -2,11 +2,11 @@
 
 Three definitions:
 
-- ``exact``: the grid is carved by the scans (`intervis.uses.carving`). *Occluded* lies behind a
+- ``exact``: the grid is carved by the scans (`Carver`). *Occluded* lies behind a
   surface that the scan of the frame observed. *Invalid* is what no scan observed, and an occupied
   voxel without a label where there are labels. A camera sees an observed voxel if its
   centre lies in the image and the sight line to it is visible (`intervis.Scene.sight`).
-- ``semantickitti``: what SemanticKITTI's tool does (`intervis.uses.voxelizer`); it needs labels.
+- ``semantickitti``: what SemanticKITTI's tool does (`voxelizer`); it needs labels.
 - ``occ3d``: what the paper of Occ3D prints (arXiv:2304.14365, algorithms 1 to 3): a beam makes the
   voxels that it crosses free and the one in which it ends occupied, and occupied wins; the ray of
   each pixel takes over what the scanners observed, up to the first occupied voxel. *Invalid* is
@@ -33,11 +33,11 @@ from intervis.progress import Progress, silent
 from intervis.sight import Scene
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.transform import transform
-from intervis.uses.camera_voxels import PosedCamera, seen_by_lines, seen_by_pixels
-from intervis.uses.carving import CarvedGrid, Carver, is_return
-from intervis.uses.kernels.ray_walk import CROSSED, ENDED, mark_beams
-from intervis.uses.voxel_grid import VoxelGrid
-from intervis.uses.voxelizer import MOVING_CLASSES, blocked_masks, tool_keeps, voted_labels
+from intervis.uses.voxels.camera_voxels import PosedCamera, seen_by_lines, seen_by_pixels
+from intervis.uses.voxels.carving import CarvedGrid, Carver, is_return
+from intervis.uses.voxels.kernels.ray_walk import CROSSED, ENDED, mark_beams
+from intervis.uses.voxels.voxel_grid import VoxelGrid
+from intervis.uses.voxels.voxelizer import MOVING_CLASSES, blocked_masks, tool_keeps, voted_labels
 
 DEFINITIONS = ("exact", "semantickitti", "occ3d")
 
@@ -92,7 +92,7 @@ class Masks:
     camera : mapping of str to bool array
         What each camera of the frame sees.
     state : uint8 array
-        As `intervis.uses.carving.CarvedGrid.state`.
+        As `intervis.uses.voxels.carving.CarvedGrid.state`.
     probability : float32 array or None
         P(occupied); ``exact`` only.
     """
@@ -145,7 +145,7 @@ def masks_of(
     cameras : mapping of str to PosedCamera
     keep_moving : bool
         False: of scans with labels that are added, returns of moving classes
-        (`intervis.uses.voxelizer.MOVING_CLASSES`) are left out.
+        (`intervis.uses.voxels.voxelizer.MOVING_CLASSES`) are left out.
     progress : callable, optional
         Called with a note for each scan.
 

@@ -9,8 +9,8 @@ from intervis.plots.figures import draw_image, pixels_of
 from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, dots, legend_below, page_figure
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
 from intervis.transform import inverse, transform
-from intervis.uses.sight_distance import SightDistances
-from intervis.uses.sight_distance_table import stations_of
+from intervis.uses.routes.sight_distance import SightDistances
+from intervis.uses.routes.sight_distance_table import stations_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -56,7 +56,7 @@ from intervis.sight.kernels.terrain import BORDER_M, CELL_M, CELLS
 from intervis.sight.occupancy_model import CORRELATION, MODEL, SCANS, WEIGHT_DECAY
 from intervis.sight.sensor import NO_RETURN_M
 from intervis.transform import checked_pose
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 STATES = {FREE_SPACE: "free", OCCUPIED: "occupied", OCCLUDED: "occluded", UNKNOWN: "unknown"}
 """The values of `CarvedGrid.state`."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, REGION, dots, page_figure
-from intervis.uses.agents import ABSENT, HIDDEN, NOT_KNOWN, SEES, MutualSight
+from intervis.uses.agents.mutual_sight import ABSENT, HIDDEN, NOT_KNOWN, SEES, MutualSight
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ from intervis.kernels import kernel
 CROSSED, ENDED = 1, 2
 """Marks of a voxel: some ray crossed it, some ray ended in it."""
 FREE_SPACE, OCCUPIED = 0, 1
-"""The states of `intervis.uses.carving` that a ray tells from all others."""
+"""The states of `intervis.uses.voxels.carving` that a ray tells from all others."""
 
 
 @kernel

@@ -12,10 +12,10 @@ from intervis.errors import PointsError, SettingsError
 from intervis.progress import Progress
 from intervis.sight import VISIBLE, Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
-from intervis.uses.route import Route
-from intervis.uses.route_sight import route_sight, zone_sight
-from intervis.uses.route_sight_table import SightingRow, sighting_rows
-from intervis.uses.zone import Zone
+from intervis.uses.routes.route import Route
+from intervis.uses.routes.route_sight import route_sight, zone_sight
+from intervis.uses.routes.route_sight_table import SightingRow, sighting_rows
+from intervis.uses.routes.zone import Zone
 
 SHARES = ("visible", "occluded", "unknown", "probability")
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from intervis.errors import OutputError
 from intervis.files import write_bytes
-from intervis.uses.masks import Masks
-from intervis.uses.voxel_grid import VoxelGrid
-from intervis.uses.voxelizer import LATER_SCANS
+from intervis.uses.voxels.masks import Masks
+from intervis.uses.voxels.voxel_grid import VoxelGrid
+from intervis.uses.voxels.voxelizer import LATER_SCANS
 
 OCC3D_FREE = 17
 """Occ3D-nuScenes' class of free voxels."""

@@ -11,7 +11,7 @@ from intervis.drives.calibration import read_lines
 from intervis.drives.scan_file import read_scan
 from intervis.errors import CalibrationError, DriveError, SceneError
 from intervis.sight import Scene
-from intervis.uses.survey import distance_to_scans
+from intervis.uses.routes.survey import distance_to_scans
 
 FARTHEST_M = 150.0
 """A target that is farther from every scan lies outside the scene."""

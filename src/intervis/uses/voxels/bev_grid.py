@@ -13,8 +13,8 @@ from intervis.errors import SceneError, SettingsError
 from intervis.sight import Scene, Sensor
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.sight.query_checks import finite_number, positive_length
-from intervis.uses.carving import STATES, CarvedGrid, Carver, is_return
-from intervis.uses.voxel_grid import VoxelGrid
+from intervis.uses.voxels.carving import STATES, CarvedGrid, Carver, is_return
+from intervis.uses.voxels.voxel_grid import VoxelGrid
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,10 +61,9 @@ def bev_grid(
 ) -> BevGrid:
     """The cells around the scanner of the first scan.
 
-    The space above each cell is carved (`intervis.uses.carving`) in voxels that follow the ground
-    of the first scan. A cell is *occupied* if one of its voxels is; *free* if none is and at least
-    half of them are free; otherwise *occluded* if more voxels are occluded than unknown, else
-    *unknown*.
+    The space above each cell is carved (`Carver`) in voxels that follow the ground of the first
+    scan. A cell is *occupied* if one of its voxels is; *free* if none is and at least half of them
+    are free; otherwise *occluded* if more voxels are occluded than unknown, else *unknown*.
 
     Parameters
     ----------

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array
 from intervis.plots.tables import Table
-from intervis.uses.route import Route
-from intervis.uses.route_sight import sightings
+from intervis.uses.routes.route import Route
+from intervis.uses.routes.route_sight import sightings
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from intervis.errors import SceneError
-from intervis.uses.route import Route
+from intervis.uses.routes.route import Route
 
 HALF_WIDTH_M = 1.0
 """Half of the width of the strip: most of a vehicle's track, no kerb."""

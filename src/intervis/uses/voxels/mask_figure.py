@@ -6,8 +6,8 @@ import numpy as np
 
 from intervis.arrays import UInt8Array
 from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, dots, legend_below, page_figure
-from intervis.uses.carving import STATES
-from intervis.uses.masks import Masks
+from intervis.uses.voxels.carving import STATES
+from intervis.uses.voxels.masks import Masks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,9 +15,9 @@ from intervis.sight import Scene
 from intervis.sight.query_checks import finite_number
 from intervis.transform import inverse, transform
 from intervis.uses.objects import category_at
-from intervis.uses.road_surface import RoadSurface
-from intervis.uses.route import Route
-from intervis.uses.route_file import frame_times_s
+from intervis.uses.routes.road_surface import RoadSurface
+from intervis.uses.routes.route import Route
+from intervis.uses.routes.route_file import frame_times_s
 
 MOST_BYTES = 2 << 30
 """Memory for scans, unless the caller says otherwise."""

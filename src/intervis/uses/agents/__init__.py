@@ -1,0 +1,1 @@
+"""Which agents see each other, frame by frame."""
