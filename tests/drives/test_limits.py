@@ -322,6 +322,10 @@ def test_rows_without_a_direction_do_not_count():
     assert azimuth_step_deg(rows.ravel(), 4) == np.inf
 
 
+def test_numbers_that_are_all_equal_tell_nothing_of_columns():
+    assert column_distinctness(np.full(4000, 2.5, np.float32), 4) == 0.0
+
+
 def test_fewer_than_sixty_four_rows_tell_nothing_of_columns():
     values = np.random.default_rng(0).uniform(size=4 * 64).astype(np.float32)
     values[3::4] = 7.0

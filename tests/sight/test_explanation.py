@@ -87,6 +87,14 @@ def test_no_length_is_printed_as_nothing(state):
     assert "less than 0.1 m" in said
 
 
+@pytest.mark.parametrize(("length_m", "has_length"), [(0.049, False), (0.051, True)])
+def test_a_line_shorter_than_its_print_has_no_length(length_m, has_length):
+    end = (*START[:2], START[2] + length_m)
+    said = str(explanation_of(START, end, answer(VISIBLE, 0.9, np.inf), 0.0))
+    assert ("of its 0.1 m" in said) is has_length
+    assert ("less than 0.1 m" in said) is not has_length
+
+
 def test_a_line_of_absurd_length_has_no_answer():
     scene = Scene.from_scan(street_scan())
     for far in (1e12, 1e200, 1e308):
