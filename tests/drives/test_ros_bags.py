@@ -1,7 +1,9 @@
 """ROS 1 bags, ROS 2 bags and MCAP files that rosbags writes: points to the bit, chosen poses."""
 
+import contextlib
 import logging
 import pickle
+import sqlite3
 import tracemalloc
 
 import numpy as np
@@ -418,6 +420,22 @@ def test_a_cut_database_is_told(tmp_path):
     with pytest.raises(ScanError, match="is no readable ROS 2 bag") as caught:
         open_drive(file)
     assert "\n" not in str(caught.value)
+
+
+def test_a_name_that_is_no_text_in_a_database_does_no_harm(tmp_path):
+    with Recorder(tmp_path / "drive", "sqlite3") as recorder:
+        write_clouds(recorder)
+    file = only_file(tmp_path / "drive")
+    with contextlib.closing(sqlite3.connect(file)) as database, database:
+        columns = [row[1] for row in database.execute("PRAGMA table_info(topics)")]
+        row = dict(zip(columns, database.execute("SELECT * FROM topics").fetchone(), strict=True))
+        row |= {"id": 999, "name": b"/\xff"}
+        database.execute(
+            f"INSERT INTO topics ({', '.join(row)}) VALUES"
+            f" ({', '.join('CAST(? AS TEXT)' if n == 'name' else '?' for n in row)})",
+            list(row.values()),
+        )
+    assert len(open_drive(file)) > 0
 
 
 @pytest.mark.parametrize("ending", ["bag", "mcap", "db3"])

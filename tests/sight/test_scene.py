@@ -249,7 +249,16 @@ def test_a_bad_viewpoint_is_one_clear_error(scene, viewpoint):
 
 
 @pytest.mark.parametrize(
-    "targets", [np.zeros(4), np.zeros((2, 2)), np.zeros((1, 2, 3)), np.zeros((0, 2, 3)), ["a"], "abc", [[1, 2, 3], [1]]]
+    "targets",
+    [
+        np.zeros(4),
+        np.zeros((2, 2)),
+        np.zeros((1, 2, 3)),
+        np.zeros((0, 2, 3)),
+        ["a"],
+        "abc",
+        [[1, 2, 3], [1]],
+    ],
 )
 def test_targets_of_a_wrong_shape_are_one_clear_error(scene, targets):
     with pytest.raises(PointsError):
