@@ -8,18 +8,25 @@ import numpy as np
 import pytest
 
 import intervis
-from intervis.warm_up import PARTS, start, warm_up
+from intervis.warm_up import PARTS, compiling, warm_up
 from small_drive import scan_folder, street
 
 
 def test_warming_up_reports_its_parts():
     done = []
     warm_up(progress=done.append)
-    assert done == list(PARTS) == ["method", "sight lines"]
+    assert done == list(PARTS) == ["method", "sight lines", "voxels"]
 
 
 def test_a_part_is_compiled_by_a_process_of_its_own():
-    assert start("method").wait() == 0
+    with compiling("method") as process:
+        assert process.wait() == 0
+
+
+def test_compiling_ends_where_the_other_work_fails():
+    with pytest.raises(ZeroDivisionError), compiling("method") as process:
+        raise ZeroDivisionError
+    assert process.returncode != 0
 
 
 def test_the_first_compilation_is_announced_once(tmp_path):
@@ -53,6 +60,8 @@ def test_after_warming_up_no_command_compiles(tmp_path):
         ["run", drive, "--out", str(tmp_path / "fine"), "--tau", "1"],
         ["sight", drive, "--from", "sensor", "--to", "9,0,0", "--targets", "returns"],
         ["blindspots", drive],
+        ["view", drive, "--html", str(tmp_path / "page.html")],
+        ["masks", drive, "--out", str(tmp_path / "masks"), "--layout", "npz"],
     ]
 
     def said(arguments):

@@ -2,7 +2,8 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -12,12 +13,20 @@ from intervis.method.analysis import analyze
 from intervis.progress import Progress, silent
 from intervis.settings import Settings
 from intervis.sight import Scene, explain
+from intervis.sight.observed_profile import unobserved_parts
 from intervis.transform import rigid
-from intervis.uses import blind_spots, visibility_grid
+from intervis.uses import (
+    PosedScan,
+    VoxelGrid,
+    bev_grid,
+    blind_spots,
+    masks_of,
+    visibility_grid,
+)
 
 
 def warm_up(*, progress: Progress | None = None) -> None:
-    """Compile all kernels of the method and of sight lines, or load them from the cache on disk.
+    """Compile the kernels of method, sight lines and voxels, or load them from the cache on disk.
 
     Without it the first analysis and the first sight line of a process take that time: about a
     minute for all kernels where nothing has been compiled yet, about a second afterwards.
@@ -25,7 +34,7 @@ def warm_up(*, progress: Progress | None = None) -> None:
     Parameters
     ----------
     progress : callable, optional
-        Called after each of the two `PARTS`.
+        Called after each of the `PARTS`.
 
     Examples
     --------
@@ -37,10 +46,19 @@ def warm_up(*, progress: Progress | None = None) -> None:
         (progress or silent)(name)
 
 
-def start(part: str) -> "subprocess.Popen[bytes]":
-    """Compile one of the `PARTS` in a process of its own, beside other work."""
+@contextmanager
+def compiling(part: str) -> Iterator["subprocess.Popen[bytes]"]:
+    """Compile one of the `PARTS` in a process of its own, beside other work.
+
+    The process is waited for at the end; where the other work fails, it is ended.
+    """
     program = f"from intervis.warm_up import PARTS; PARTS[{part!r}]()"
-    return subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.DEVNULL)
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.DEVNULL) as process:
+        try:
+            yield process
+        except BaseException:
+            process.kill()
+            raise
 
 
 def _method() -> None:
@@ -68,8 +86,18 @@ def _sight() -> None:
     scene.sight([0, 0, 0], points[::50], moment_s=1.0)
     scene.sight_within([[0, 0, 0]], points[::50], 12.0)
     scene.sight_boxes([0, 0, 0], [rigid(np.eye(3), [25.0, 0, 0])], [[4.0, 2.0, 1.5]])
-    scene.unobserved_length([0, 0, 0], [30, 0, 0])
+    unobserved_parts(scene.packed_scans(), np.zeros((1, 3)), points[:1], 4)
     scene.ground_height(points[::50, :2])
+
+
+def _voxels() -> None:
+    """Carve a small grid by two scans, and follow beams through it."""
+    grid = VoxelGrid(corner=(0.0, -3.0, -2.0), cell_m=0.5, shape=(12, 12, 8))
+    points = _returns()
+    scans = [PosedScan(points.astype(np.float32), np.eye(4)) for _ in range(2)]
+    for definition in ("exact", "occ3d"):
+        masks_of(grid, scans, definition=definition)
+    bev_grid([(points, None)], reach_m=6.0)
 
 
 def _returns() -> Float64Array:
@@ -82,5 +110,9 @@ def _returns() -> Float64Array:
     return np.asarray(points.reshape(-1, 3))
 
 
-PARTS: dict[str, Callable[[], None]] = {"method": _method, "sight lines": _sight}
+PARTS: dict[str, Callable[[], None]] = {
+    "method": _method,
+    "sight lines": _sight,
+    "voxels": _voxels,
+}
 """What is compiled together."""

@@ -1,5 +1,7 @@
 """``intervis warm``: compile the kernels before they are needed."""
 
+from contextlib import ExitStack
+
 from intervis.cli.terminal import progress, show
 from intervis.errors import OutputError
 
@@ -9,10 +11,10 @@ def warm() -> None:
 
     Takes about a minute; where the kernels are compiled already, some seconds.
     """
-    from intervis.warm_up import PARTS, start
+    from intervis.warm_up import PARTS, compiling
 
-    with progress("compiling", len(PARTS)) as advance:
-        for name, process in [(name, start(name)) for name in PARTS]:
+    with progress("compiling", len(PARTS)) as advance, ExitStack() as held:
+        for name, process in [(name, held.enter_context(compiling(name))) for name in PARTS]:
             if process.wait() != 0:
                 raise OutputError(f"the kernels of {name} could not be compiled: see above.")
             advance(name)

@@ -1,12 +1,18 @@
 """``intervis simulate`` and ``intervis demo``: drives through the built-in street."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from intervis.cli.run import show_report, show_run
 from intervis.cli.terminal import progress, show
+
+if TYPE_CHECKING:
+    from intervis.drives import Drive
+
+AHEAD_M = 8.0
+"""Distance of the interactive page's viewpoint, ahead of the sensor."""
 
 Frames = Annotated[int, typer.Option("--frames", metavar="N", help="Number of frames.")]
 Seed = Annotated[
@@ -70,29 +76,37 @@ def demo(
 ) -> int:
     """Simulate a drive, analyse it and show the results.
 
-    Writes the drive, the results, tables, pictures and a page to open in a browser. An earlier demo
-    in the same folder is replaced; files of other origin are refused.
+    Writes the drive, the results, tables, pictures, and two pages to open in a browser: a report,
+    and an interactive page. An earlier demo in the same folder is replaced; files of other origin
+    are refused.
     """
     from intervis.drives import open_drive
     from intervis.run import run_drive
-    from intervis.warm_up import start
+    from intervis.warm_up import compiling
 
     _refuse_foreign(out)
-    compiled = start("sight lines")  # beside the simulation and the analysis
-    drive = open_drive(_simulate(out / "drive", frames, seed))
-    with progress("analysis", len(drive.frame_numbers)) as advance:
-        summary = run_drive(
-            drive,
-            out / "run",
-            progress=advance,
-            overwrite=True,
-        )
-    show_run(summary)
-    show(f"Drive: {drive.root}")
+    with compiling("sight lines"):  # beside the simulation and the analysis
+        drive = open_drive(_simulate(out / "drive", frames, seed))
+        with progress("analysis", len(drive.frame_numbers)) as advance:
+            summary = run_drive(drive, out / "run", progress=advance, overwrite=True)
+        show_run(summary)
+        show(f"Drive: {drive.root}")
     note = f"A simulated drive through the built-in street, seed {seed}."
-    compiled.wait()
     show_report(drive, summary, out, source_note=note)
+    _show_view(drive, out / "view.html")
     return 1 if summary.failures else 0
+
+
+def _show_view(drive: "Drive", page: Path) -> None:
+    """Write the interactive page, and print its path."""
+    from intervis.view import ViewRequest, page_html, save_page
+    from intervis.view.view_request import thinned_frames
+
+    request = ViewRequest(viewpoint=(AHEAD_M, 0.0, 0.5))
+    numbers = thinned_frames(drive.frame_numbers, request.most_frames)
+    with progress("interactive page", len(numbers)) as advance:
+        save_page(page, page_html(drive, numbers, request, progress=advance))
+    show(f"Interactive page: {page}")
 
 
 def _refuse_foreign(out: Path) -> None:
@@ -102,7 +116,9 @@ def _refuse_foreign(out: Path) -> None:
     from intervis.lab.worlds.simulation import METADATA_NAME
     from intervis.run.report import check_report
     from intervis.run.summary import read_summary
+    from intervis.view.page_file import check_page
 
+    check_page(out / "view.html")
     drive = Layout(out / "drive").drive
     summary = read_summary(out / "run" / "summary.json")
     earlier = summary.get("input") if summary else None
