@@ -21,7 +21,7 @@ LAYERS = (
     ("drives", "method", "sight"),
     ("live", "plots"),
     ("run", "uses"),
-    ("view", "warm_up"),
+    ("compilation", "view"),
     ("cli",),
     ("__init__", "__main__"),
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from intervis.camera import Camera as Camera
+    from intervis.compilation import warm_up as warm_up
     from intervis.drives import Drive as Drive
     from intervis.drives import Frame as Frame
     from intervis.drives import open_drive as open_drive
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from intervis.sight import Sensor as Sensor
     from intervis.sight import Sight as Sight
     from intervis.sight import explain as explain
-    from intervis.warm_up import warm_up as warm_up
 
 __version__ = "0.1.0"
 
@@ -67,7 +67,7 @@ _HOME = {
     "UNKNOWN": "intervis.sight",
     "VISIBLE": "intervis.sight",
     "explain": "intervis.sight",
-    "warm_up": "intervis.warm_up",
+    "warm_up": "intervis.compilation",
 }
 _SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight", "uses")
 __all__ = [

@@ -490,15 +490,47 @@ def test_names_that_a_terminal_would_obey_are_escaped(tmp_path, command):
 # Several drives
 
 
-def test_several_drives_have_folders_of_their_own_below_the_output(tmp_path, capsys):
+def test_several_drives_have_folders_of_their_own_below_the_output(tmp_path):
     drives = [str(scan_folder(tmp_path / name, (0, 1))) for name in ("north", "south")]
     out = tmp_path / "out"
-    code = exit_code(["run", drives[0], str(tmp_path / "gone"), drives[1], "--out", str(out)])
-    assert code == 1
-    assert "gone: check the path" in capsys.readouterr().err
+    assert exit_code(["run", *drives, "--out", str(out)]) == 0
     assert sorted(path.name for path in out.iterdir()) == ["north", "south"]
     for name in ("north", "south"):
         assert len(list((out / name / "frames").glob("*.npz"))) == 2
+
+
+def test_a_drive_that_fails_does_not_stop_the_others(tmp_path, capsys):
+    drives = [scan_folder(tmp_path / name, (0, 1)) for name in ("north", "south")]
+    out = tmp_path / "out"
+    (out / "north").mkdir(parents=True)
+    (out / "north" / "frames").write_text("mine")
+    assert exit_code(["run", *map(str, drives), "--out", str(out)]) == 1
+    assert "north" in capsys.readouterr().err
+    assert len(list((out / "south" / "frames").glob("*.npz"))) == 2
+
+
+def test_a_drive_that_is_not_there_is_told_before_the_work(tmp_path, capsys):
+    drive = str(scan_folder(tmp_path / "north", (0, 1)))
+    out = tmp_path / "out"
+    assert exit_code(["run", drive, str(tmp_path / "gone"), "--out", str(out)]) == 2
+    assert "gone: check the path" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_no_result_is_written_into_a_drive(tmp_path, capsys):
+    drive = scan_folder(tmp_path / "north", (0, 1))
+    other = scan_folder(tmp_path / "south", (0, 1))
+    before = files_below(tmp_path)
+    for words in (
+        ["run", str(drive), "--out", str(drive)],
+        ["run", str(drive), "--out", str(drive / "out")],
+        ["run", str(drive), str(other), "--out", str(tmp_path)],
+        ["sight", str(drive), "--from", "sensor", "--to", "9,0,0", "--out", f"{drive}/a.csv"],
+        ["sight", str(drive), "--from", "sensor", "--to", "9,0,0", "--picture", f"{drive}/a.png"],
+    ):
+        assert exit_code(words) in (1, 2)
+        assert "which this command reads and never changes" in capsys.readouterr().err
+    assert files_below(tmp_path) == before
 
 
 def test_drives_of_one_name_are_refused_before_the_work(tmp_path, capsys):

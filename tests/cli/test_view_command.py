@@ -134,10 +134,18 @@ def test_a_taken_port_is_one_sentence(drive, capsys):
 
 
 def test_ctrl_c_ends_serving_without_an_error(drive):
-    asked = [sys.executable, "-m", "intervis", "view", str(drive), "--serve", "--port", "0"]
+    # Whoever runs the tests in the background hands down an ignored SIGINT.
+    program = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+        " from intervis.cli import main; main()"
+    )
+    asked = [sys.executable, "-c", program, "view", str(drive), "--serve", "--port", "0"]
     with subprocess.Popen(asked, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served:
         said = served.stdout.readline()
         served.send_signal(signal.SIGINT)
-        _, err = served.communicate(timeout=60)
+        try:
+            _, err = served.communicate(timeout=60)
+        finally:
+            served.kill()
     assert said.startswith(b"Open http://127.0.0.1:")
     assert (served.returncode, err) == (0, b"")

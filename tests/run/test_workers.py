@@ -142,8 +142,9 @@ def test_workers_end_with_a_killed_caller(tmp_path):
 
 @pytest.mark.parametrize("count", [0, -1, 1025])
 def test_an_impossible_number_of_workers_is_refused(count):
-    with pytest.raises(SettingsError, match="workers must be 1 to 1024"), process_workers(count):
-        pass
+    for workers in (process_workers(count), dask_workers(None, count)):
+        with pytest.raises(SettingsError, match="workers must be 1 to 1024"), workers:
+            pass
 
 
 def test_dask_is_named_where_it_is_missing(monkeypatch):

@@ -4,6 +4,7 @@ import base64
 import http.client
 import json
 import socket
+import struct
 import threading
 
 import pytest
@@ -143,3 +144,43 @@ def test_a_taken_port_is_told(drive):
             ViewServer(drive, [3], ViewRequest(), port)
     with pytest.raises(OutputError, match="cannot listen on port 70000"):
         ViewServer(drive, [3], ViewRequest(), 70_000)
+
+
+def raw(server, text):
+    """The first line of the answer to bytes as they stand."""
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=20) as connection:
+        connection.sendall(text.encode("latin-1"))
+        return connection.recv(4096).partition(b"\r\n")[0].decode()
+
+
+@pytest.mark.parametrize("length", ["\xb2", "9" * 5000, "-1", "99999", ""])
+def test_a_length_that_is_none_is_refused(server, length):
+    host = f"Host: 127.0.0.1:{server.server_port}\r\nContent-Type: application/json\r\n"
+    said = raw(server, f"POST /line HTTP/1.1\r\n{host}Content-Length: {length}\r\n\r\n")
+    assert said.startswith("HTTP/1.1 413 ")
+
+
+@pytest.mark.parametrize("second", ["Host: evil", "Origin: http://evil"])
+def test_a_second_name_beside_the_right_one_is_refused(server, second):
+    own = f"127.0.0.1:{server.server_port}"
+    head = f"Host: {own}\r\nOrigin: http://{own}\r\n"
+    assert raw(server, f"GET / HTTP/1.1\r\n{head}\r\n").startswith("HTTP/1.1 200 ")
+    assert raw(server, f"GET / HTTP/1.1\r\n{head}{second}\r\n\r\n").startswith("HTTP/1.1 403 ")
+
+
+def test_a_client_that_goes_leaves_no_traceback(server, capfd):
+    for _ in range(5):
+        connection = socket.create_connection(("127.0.0.1", server.server_port), timeout=20)
+        own = f"Host: 127.0.0.1:{server.server_port}\r\n"
+        connection.sendall(f"GET / HTTP/1.1\r\n{own}\r\nGET / HTTP/1.1\r\n{own}\r\n".encode())
+        reset = struct.pack("ii", 1, 0)  # close at once, without taking the answer
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
+        connection.close()
+    assert ask(server, "GET", "/") == (200, PAGE)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("port", [-1, 65536, 99999])
+def test_a_port_that_is_none_is_one_sentence(drive, port):
+    with pytest.raises(OutputError, match=r"^a port is a number from 0 to 65535, got \S+\.$"):
+        ViewServer(drive, [3], ViewRequest(viewpoint="sensor"), port)

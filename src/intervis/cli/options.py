@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -207,31 +207,62 @@ def check_picture_file(path: Path | None) -> None:
     require_matplotlib()
 
 
-def check_output_file(path: Path | None) -> None:
+def check_output_file(path: Path | None, inputs: Iterable[Path | None] = ()) -> None:
     """Check before the work that an output file can be written.
+
+    Parameters
+    ----------
+    path : Path or None
+    inputs : iterable of Path or None
+        Files and folders that the command reads.
 
     Raises
     ------
     OutputError
-        The path is no regular file (a folder, a device, a pipe), or its folder does not exist or
-        cannot be written to.
+        The path is an input or lies in one, is no regular file (a folder, a device, a pipe), or
+        its folder does not exist or cannot be written to.
     """
     if path is None:
         return
     target = check_replaceable(path)
+    check_no_input(path, inputs)
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {path}: there is no folder {target.parent}.")
     if not os.access(target.parent, os.W_OK):
         raise OutputError(f"cannot write {path}: permission denied.")
 
 
-def check_output_files(paths: Mapping[str, Path | None]) -> None:
+def check_no_input(path: Path, inputs: Iterable[Path | None]) -> None:
+    """Refuse an output that is an input, or that lies in a folder of inputs.
+
+    Raises
+    ------
+    OutputError
+        It is, or it does.
+    """
+    target = Path(os.path.realpath(path))
+    for given in inputs:
+        if given is None:
+            continue
+        source = Path(os.path.realpath(given))
+        if target == source or source in target.parents:
+            raise OutputError(
+                f"{path} is or lies in {given}, which this command reads and never changes: choose"
+                " another place."
+            )
+
+
+def check_output_files(
+    paths: Mapping[str, Path | None], inputs: Iterable[Path | None] = ()
+) -> None:
     """Check before the work that several output files can be written, each to its own path.
 
     Parameters
     ----------
     paths : mapping of str to Path or None
         By the names of the options that give them.
+    inputs : iterable of Path or None
+        Files and folders that the command reads.
 
     Raises
     ------
@@ -240,7 +271,7 @@ def check_output_files(paths: Mapping[str, Path | None]) -> None:
     """
     options: dict[Path, str] = {}
     for option, path in paths.items():
-        check_output_file(path)
+        check_output_file(path, inputs)
         if path is None:
             continue
         other = options.setdefault(path.resolve(), option)

@@ -44,7 +44,7 @@ def replay(
     sight lines are asked from the sensor to points around its returns.
     """
     frame_range = options.frame_range(frames)
-    options.check_output_files({"--json": json_file})
+    options.check_output_files({"--json": json_file}, [source])
 
     from intervis.drives import open_drive
     from intervis.files import write_text

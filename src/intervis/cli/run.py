@@ -133,6 +133,10 @@ def run(
         )
     if len(sources) == 1:
         return _run_one(sources[0], out, camera, request)
+    from intervis.drives import open_drive
+
+    for source in sources:
+        open_drive(source, camera=camera)  # a mistake is told before the work, not after a drive
     failed = False
     for place, (source, folder) in enumerate(zip(sources, _folders(sources, out), strict=True)):
         show(f"{source}:" if place == 0 else f"\n{source}:")
@@ -164,6 +168,7 @@ def _run_one(source: Path, out: Path, camera: str | None, request: _Request, pla
     from intervis.run.stream import selected_frames
 
     drive = open_drive(source, camera=camera)
+    options.check_no_input(out, [drive.root])
     if request.report:
         from intervis.run.report import check_report
 

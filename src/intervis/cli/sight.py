@@ -84,7 +84,8 @@ def sight(
     if not given_ends and targets is None:
         raise SettingsError("give the end of a sight line as --to X,Y,Z, or many with --targets.")
     options.check_picture_file(picture)
-    options.check_output_files({"--picture": picture, "--out": out})
+    read = [source, None if targets in (None, "returns") else Path(targets)]
+    options.check_output_files({"--picture": picture, "--out": out}, read)
 
     import numpy as np
 

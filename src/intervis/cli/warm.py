@@ -11,7 +11,7 @@ def warm() -> None:
 
     Takes about a minute; where the kernels are compiled already, some seconds.
     """
-    from intervis.warm_up import PARTS, compiling
+    from intervis.compilation import PARTS, compiling
 
     with progress("compiling", len(PARTS)) as advance, ExitStack() as held:
         for name, process in [(name, held.enter_context(compiling(name))) for name in PARTS]:

@@ -38,9 +38,7 @@ def process_workers(count: int) -> Iterator[Executor]:
     SettingsError
         `count` is out of range.
     """
-    if not 1 <= count <= MOST_WORKERS:
-        raise SettingsError(f"the number of workers must be 1 to {MOST_WORKERS}, got {count}.")
-    threads = max(1, thread_count() // count)
+    threads = _threads_of_each(count)
     others = set(active_children())
     pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_start, initargs=(threads,))
     try:
@@ -69,8 +67,9 @@ def dask_workers(address: str | None, count: int) -> Iterator[Executor]:
     MissingExtraError
         dask's package ``distributed`` is not installed.
     SettingsError
-        There is no scheduler at `address`.
+        `count` is out of range, or there is no scheduler at `address`.
     """
+    threads = _threads_of_each(count)
     try:
         import distributed
     except ImportError:
@@ -78,7 +77,6 @@ def dask_workers(address: str | None, count: int) -> Iterator[Executor]:
     dask: Any = distributed  # it has no types
     logging.getLogger("distributed").setLevel(logging.ERROR)  # it reports each connection
     if address is None:
-        threads = max(1, thread_count() // count)
         cluster = dask.LocalCluster(
             host="127.0.0.1",
             n_workers=count,
@@ -97,6 +95,13 @@ def dask_workers(address: str | None, count: int) -> Iterator[Executor]:
         raise SettingsError(f"there is no dask scheduler at {address}: {reason}.") from None
     with client:
         yield client.get_executor(pure=False)
+
+
+def _threads_of_each(count: int) -> int:
+    """How many threads each of several workers runs its kernels on."""
+    if not 1 <= count <= MOST_WORKERS:
+        raise SettingsError(f"the number of workers must be 1 to {MOST_WORKERS}, got {count}.")
+    return max(1, thread_count() // count)
 
 
 def _end(workers: Iterable[BaseProcess]) -> None:

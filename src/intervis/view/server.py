@@ -8,11 +8,12 @@ must be this server, and so must the Origin, if there is one.
 
 import base64
 import json
+import logging
 from collections import OrderedDict
 from collections.abc import Collection
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import Lock
+from threading import BoundedSemaphore, Lock
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,8 +24,17 @@ from intervis.errors import IntervisError, OutputError, PointsError
 from intervis.view.frame_judge import FrameJudge
 from intervis.view.view_request import ViewRequest
 
+log = logging.getLogger(__name__)
+
 HOST = "127.0.0.1"
 MOST_REQUEST_BYTES = 4096
+LONGEST_NUMBER = 5
+"""Digits of the length of a request."""
+
+HIGHEST_PORT = 65535
+MOST_CONNECTIONS = 16
+"""Connections that are answered at a time; others wait."""
+
 FARTHEST_M = 1e6
 KEPT_FRAMES = 4
 """Frames whose scans are kept in memory."""
@@ -50,7 +60,7 @@ class ViewServer(ThreadingHTTPServer):
     Raises
     ------
     OutputError
-        The port is taken, or may not be used.
+        The port is taken, may not be used, or is none.
     """
 
     daemon_threads = True
@@ -59,10 +69,12 @@ class ViewServer(ThreadingHTTPServer):
     def __init__(
         self, drive: Drive, numbers: Collection[int], request: ViewRequest, port: int
     ) -> None:
+        if not 0 <= port <= HIGHEST_PORT:
+            raise OutputError(f"a port is a number from 0 to {HIGHEST_PORT}, got {port}.")
         try:
             super().__init__((HOST, port), _Handler)
-        except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
+        except OSError as error:
+            reason = error.strerror or str(error)
             raise OutputError(
                 f"cannot listen on port {port} of {HOST}: {reason.lower()}; choose another with"
                 " --port."
@@ -71,6 +83,23 @@ class ViewServer(ThreadingHTTPServer):
         self._drive, self._numbers, self._request = drive, numbers, request
         self._judges: OrderedDict[int, FrameJudge] = OrderedDict()
         self._lock = Lock()
+        self._free = BoundedSemaphore(MOST_CONNECTIONS)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer a connection in a thread of its own, once one of `MOST_CONNECTIONS` is free."""
+        self._free.acquire()
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer a connection, and free its place."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Log what ended a connection: a browser that closes a page does so at any moment."""
+        log.debug("a connection ended", exc_info=True)
 
     @property
     def url(self) -> str:
@@ -122,7 +151,7 @@ def _place(value: Any, name: str) -> Float64Array:
 class _Handler(BaseHTTPRequestHandler):
     server: ViewServer
     protocol_version = "HTTP/1.1"
-    timeout = 30
+    timeout = 10
     _kinds: ClassVar[dict[str, str]] = {
         "/": "text/html; charset=utf-8",
         "/line": "application/json",
@@ -148,7 +177,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_error(HTTPStatus.NOT_FOUND, "there is nothing here.")
             return
         length = self.headers.get("Content-Length", "")
-        if not length.isdigit() or int(length) > MOST_REQUEST_BYTES:
+        is_number = length.isascii() and length.isdigit() and len(length) <= LONGEST_NUMBER
+        if not is_number or int(length) > MOST_REQUEST_BYTES:
             self._send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "the question is too long.")
             return
         try:
@@ -166,10 +196,9 @@ class _Handler(BaseHTTPRequestHandler):
     def _is_from_here(self) -> bool:
         """Whether the request names this server, and no other site caused it."""
         own = {f"{name}:{self.server.server_port}" for name in (HOST, "localhost")}
-        origin = self.headers.get("Origin")
-        return self.headers.get("Host") in own and (
-            origin is None or origin.removeprefix("http://") in own
-        )
+        hosts = self.headers.get_all("Host", [])
+        origins = [one.removeprefix("http://") for one in self.headers.get_all("Origin", [])]
+        return len(hosts) == 1 and len(origins) <= 1 and own.issuperset(hosts + origins)
 
     def _send_error(self, status: HTTPStatus, reason: str) -> None:
         self.close_connection = True  # the body of the request was not read

@@ -80,9 +80,9 @@ def demo(
     and an interactive page. An earlier demo in the same folder is replaced; files of other origin
     are refused.
     """
+    from intervis.compilation import compiling
     from intervis.drives import open_drive
     from intervis.run import run_drive
-    from intervis.warm_up import compiling
 
     _refuse_foreign(out)
     with compiling("sight lines"):  # beside the simulation and the analysis

@@ -5,11 +5,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from intervis.errors import OutputError
+from intervis.drives.regular_file import open_regular
+from intervis.errors import DriveError, OutputError
 from intervis.lab.speed.timing import Timing
 from intervis.plots.tables import Table
 
 OWN = "intervis"
+MOST_BYTES = 10_000_000
+"""Of an earlier run that is read."""
 
 
 def ratios(timings: Sequence[Timing]) -> dict[tuple[str, str], float]:
@@ -108,7 +111,8 @@ def read_earlier(path: Path) -> dict[str, Any]:
         The file cannot be read, or holds no timings.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        with open_regular(path) as file:
+            content = json.loads(file.read(MOST_BYTES))
         for one in content["timings"]:
             if not (isinstance(one["group"], str) and isinstance(one["by"], str)):
                 raise TypeError
@@ -116,7 +120,7 @@ def read_earlier(path: Path) -> dict[str, Any]:
                 raise ValueError
     except OSError as error:
         raise OutputError(f"cannot read {path}: {error.strerror}.") from None
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (DriveError, ValueError, TypeError, KeyError, RecursionError):
         raise OutputError(
             f"{path} holds no timings: give a file that `intervis bench --json` wrote."
         ) from None

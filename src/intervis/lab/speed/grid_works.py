@@ -27,13 +27,13 @@ def grid_works(scans: Sequence[Float64Array], poses: Sequence[Float64Array]) -> 
     """Grids of one scan and of many, from scans with world_from_velo poses."""
     first, back = scans[0], inverse(poses[0])
     posed = [(scan, back @ pose) for scan, pose in zip(scans, poses, strict=True)]
-    group = "bird's-eye view, 400 x 400 cells of 0.2 m"
-    yield Work(
-        group,
-        "intervis",
-        lambda: bev_grid([(first, None)], reach_m=40.0, cell_m=0.2),
-        160_000,
-    )
+    if np.isfinite(Scene.from_scan(first).ground_height([[0.0, 0.0]])).all():
+        yield Work(
+            "bird's-eye view, 400 x 400 cells of 0.2 m",
+            "intervis",
+            lambda: bev_grid([(first, None)], reach_m=40.0, cell_m=0.2),
+            160_000,
+        )
     voxels = int(np.prod(KITTI.shape))
     group = "256 x 256 x 32 voxels, one scan"
     yield Work(group, "intervis", lambda: _carve(KITTI, posed[:1]), voxels)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import intervis
-from intervis.warm_up import PARTS, compiling, warm_up
+from intervis.compilation import PARTS, compiling, warm_up
 from small_drive import scan_folder, street
 
 

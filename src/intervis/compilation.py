@@ -23,6 +23,8 @@ from intervis.uses import (
     masks_of,
     visibility_grid,
 )
+from intervis.uses.voxels.camera_voxels import PosedCamera
+from intervis.uses.voxels.masks import DEFINITIONS
 
 
 def warm_up(*, progress: Progress | None = None) -> None:
@@ -52,7 +54,7 @@ def compiling(part: str) -> Iterator["subprocess.Popen[bytes]"]:
 
     The process is waited for at the end; where the other work fails, it is ended.
     """
-    program = f"from intervis.warm_up import PARTS; PARTS[{part!r}]()"
+    program = f"from intervis.compilation import PARTS; PARTS[{part!r}]()"
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.DEVNULL) as process:
         try:
             yield process
@@ -65,6 +67,7 @@ def _method() -> None:
     """Analyse a small scan, from all returns and from a few."""
     points = _returns()
     for kind in (np.float32, np.float64):
+        analyze(points.astype(kind), settings=Settings(tau=8))
         for settings in (Settings(tau=1), Settings(tau=8)):
             analyze(
                 points.astype(kind),
@@ -94,9 +97,14 @@ def _voxels() -> None:
     """Carve a small grid by two scans, and follow beams through it."""
     grid = VoxelGrid(corner=(0.0, -3.0, -2.0), cell_m=0.5, shape=(12, 12, 8))
     points = _returns()
-    scans = [PosedScan(points.astype(np.float32), np.eye(4)) for _ in range(2)]
-    for definition in ("exact", "occ3d"):
-        masks_of(grid, scans, definition=definition)
+    labels = np.full(len(points), 50, np.uint16)
+    scans = [PosedScan(points.astype(np.float32), np.eye(4), labels=labels) for _ in range(2)]
+    camera = PosedCamera(
+        Camera(np.eye(3, 4), 2, 2, "warm"), rigid([[0, -1, 0], [0, 0, -1], [1, 0, 0]], [0, 0, 0])
+    )
+    for definition in DEFINITIONS:
+        seen = {} if definition == "semantickitti" else {"camera": camera}
+        masks_of(grid, scans, definition=definition, cameras=seen)
     bev_grid([(points, None)], reach_m=6.0)
 
 
