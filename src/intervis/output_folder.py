@@ -58,6 +58,18 @@ def refuse_links(*paths: Path) -> None:
             )
 
 
+def refuse_links_below(folder: Path, path: Path) -> None:
+    """Refuse to write a file of an output folder through a link that stands in that folder.
+
+    Raises
+    ------
+    OutputError
+        The file, or a folder between it and the output folder, is a link.
+    """
+    parts = path.relative_to(folder).parts
+    refuse_links(*(folder.joinpath(*parts[: depth + 1]) for depth in range(len(parts))))
+
+
 @contextlib.contextmanager
 def locked(folder: Path, *, shared: bool = False, name: str = MARKER) -> Iterator[None]:
     """Hold an existing output folder while writing to it.

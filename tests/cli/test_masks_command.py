@@ -8,8 +8,10 @@ import pytest
 
 from intervis.cli import exit_code
 from intervis.drives import open_drive
+from intervis.errors import SettingsError
 from intervis.uses.voxels.drive_masks import MaskSettings, frame_masks, on_own_car, read_classes
 from intervis.uses.voxels.voxel_grid import VoxelGrid
+from small_drive import files_below, scan_folder
 
 SMALL = ["--layout", "npz", "--corner", "0,-4,-2", "--cell", "0.5", "--shape", "24,16,8"]
 
@@ -231,3 +233,23 @@ def test_a_real_drive_without_labels(shared_data, tmp_path, capsys) -> None:
     far = depth > 8.0
     column = u[far] / depth[far]
     assert ((column > -margin_px) & (column < 1242 + margin_px)).all()
+
+
+def test_masks_of_another_drive_of_the_same_name_are_not_replaced(tmp_path, capsys):
+    for name, numbers in (("a", (0, 1)), ("b", (0, 2))):
+        scan_folder(tmp_path / name / "drive", numbers)
+    out = str(tmp_path / "out")
+    asked = ["--frames", "0", "--later", "0", "--layout", "npz", "--shape", "9,9,9", "--out", out]
+    assert exit_code(["masks", str(tmp_path / "a" / "drive"), *asked]) == 0
+    before = files_below(tmp_path / "out")
+    assert exit_code(["masks", str(tmp_path / "b" / "drive"), *asked]) == 2
+    assert "holds masks of another drive" in capsys.readouterr().err
+    assert files_below(tmp_path / "out") == before
+
+
+@pytest.mark.parametrize("content", ['{"10": 4.7}', '{"10": true}', '{"10": 70000}', "[1]"])
+def test_classes_that_are_no_whole_numbers_are_refused(tmp_path, content):
+    path = tmp_path / "classes.json"
+    path.write_text(content)
+    with pytest.raises(SettingsError, match="whole numbers from 0 to 65535"):
+        read_classes(path)

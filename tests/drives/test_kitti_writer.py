@@ -47,7 +47,7 @@ def test_times_start_at_kittis_day_and_advance_by_the_period():
 
 def test_frame_files_are_scans_and_images_whole_or_half_written(tmp_path):
     layout = Layout(tmp_path)
-    names = ("0000000001.bin", "0000000000.bin", ".0000000002.bin.part", "1.bin", "notes.txt")
+    names = ("0000000001.bin", "0000000000.bin", ".0000000002.bin.0a1b.part", "1.bin", "notes.txt")
     for name in names:
         write_text(layout.scan(0).parent / name, "")
     write_text(layout.image(5), "")
@@ -55,7 +55,7 @@ def test_frame_files_are_scans_and_images_whole_or_half_written(tmp_path):
     # sorted by path: the folder of images first, a leading dot before digits
     assert layout.frame_files() == [
         layout.image(5),
-        layout.scan(0).parent / ".0000000002.bin.part",
+        layout.scan(0).parent / ".0000000002.bin.0a1b.part",
         layout.scan(0),
         layout.scan(1),
     ]

@@ -167,3 +167,13 @@ def test_mistakes_are_told(tmp_path) -> None:
     large = replace(masks, label=np.where(masks.occupied, 300, 0).astype(np.uint16))
     with pytest.raises(OutputError, match=r"classes up to 255, and the labels go up to 300"):
         write_masks(tmp_path, layout_named("occ3d-nuscenes"), NAME, large)
+
+
+def test_masks_are_not_written_through_a_link(tmp_path):
+    (tmp_path / "theirs").mkdir()
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "voxels").symlink_to(tmp_path / "theirs")
+    with pytest.raises(OutputError, match="voxels is a link"):
+        write_masks(out, LAYOUTS["semantickitti"], NAME, made_masks())
+    assert list((tmp_path / "theirs").iterdir()) == []

@@ -14,6 +14,7 @@ from intervis.transform import transform
 from intervis.uses.routes.road_surface import RoadSurface
 from intervis.uses.routes.route import Route
 from intervis.uses.routes.route_file import read_route, route_of_drive
+from intervis.uses.routes.target_file import read_targets
 
 PLACES = st.lists(
     st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=2, max_size=12
@@ -191,3 +192,25 @@ def test_the_scanner_of_a_real_drive_is_173_cm_above_the_road(shared_data: Path)
     height_m = route.at(where)[:, 2] - road.heights(where)
     assert np.median(height_m) == pytest.approx(1.73, abs=0.03)
     assert np.ptp(height_m) < 0.06
+
+
+# Ways back, cells that are too long
+
+
+def test_a_route_that_turns_back_is_moved_and_extended():
+    route = Route.through([[0, 0, 0], [5, 0, 0], [0, 0, 0]])
+    assert route.shifted(1.0).points.tolist() == [[0, 1, 0], [5, 1, 0], [0, -1, 0]]
+    assert route.extended(20.0).points[-1].tolist() == [-20, 0, 0]
+
+
+def test_an_offset_that_overflows_is_refused():
+    with pytest.raises(SettingsError, match="offset must be at most"):
+        Route.through([[0, 0, 0], [5, 0, 0]]).shifted(1e300)
+
+
+def test_a_cell_of_a_csv_that_is_too_long_is_one_sentence(tmp_path):
+    path = tmp_path / "long.csv"
+    path.write_text("x,y,z,name\n1,2,3," + "a" * 200_000 + "\n")
+    for read in (read_targets, read_route):
+        with pytest.raises(CalibrationError, match="does not parse as CSV"):
+            read(path)

@@ -100,3 +100,49 @@ def test_files_that_hold_no_zones_are_told(
         read_zones(file)
     with pytest.raises(DriveError, match="there are no zones at"):
         read_zones(tmp_path / "nothing")
+
+
+# Shapes and numbers that would take all memory, or overflow
+
+
+@pytest.mark.parametrize("width_m", [1e-3, 2e-6])
+def test_a_thin_zone_is_sampled_inside_without_much_work(width_m):
+    zone = Zone("thin", [[0, 0], [140, 1], [140, 1 + width_m]])
+    cells = zone._cells()
+    assert 1 <= len(cells) < 10_000
+    assert zone.contains(cells).all()
+
+
+def test_a_thin_zone_of_two_arms_is_sampled_inside():
+    arms = [[0, 0], [500, 400], [0, 1e-3], [-1, 5e-4]]
+    zone = Zone("arms", arms)
+    assert zone.contains(zone._cells()).all()
+
+
+def test_a_zone_has_a_bounded_number_of_corners():
+    angle = np.linspace(0, 2 * np.pi, 501, endpoint=False)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)]) * 9
+    with pytest.raises(PointsError, match="may have 500 corners"):
+        Zone("round", circle)
+    assert Zone("round", circle[::2]).area_m2 > 200
+
+
+@pytest.mark.parametrize(
+    "zone",
+    [
+        ([[0, 0], [1e308, 0], [0, 1e308]], 0.0, 2.0),
+        ([[0, 0], [1, 0], [0, 1]], -1e300, 2.0),
+        ([[0, 0], [1, 0], [0, 1]], 0.0, float("inf")),
+    ],
+)
+def test_numbers_that_overflow_are_one_sentence(zone):
+    with pytest.raises(PointsError, match=r"^zone 'a' .*\.$"):
+        Zone("a", *zone)
+
+
+def test_a_number_that_no_float_holds_is_one_sentence(tmp_path):
+    path = tmp_path / "zones.geojson"
+    feature = {"type": "Polygon", "coordinates": [[[0, 0], [10**400, 0], [0, 1]]]}
+    path.write_text(json.dumps({"features": [{"geometry": feature, "properties": {}}]}))
+    with pytest.raises(DriveError, match="feature 1 is no polygon of numbers"):
+        read_zones(path)

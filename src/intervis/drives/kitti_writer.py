@@ -11,7 +11,7 @@ from intervis.arrays import Float32Array, Float64Array
 
 DATE, DRIVE = "2011_09_26", "2011_09_26_drive_0001_sync"
 START = datetime(2011, 9, 26, 13, 2, 25)
-FRAME_FILE = re.compile(r"[0-9]{10}\.(bin|png)|\.[0-9]{10}\.(bin|png)\.part")
+FRAME_FILE = re.compile(r"[0-9]{10}\.(bin|png)|\.[0-9]{10}\.(bin|png)\.[0-9a-f]+\.part")
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,9 @@ from intervis.errors import PointsError, SettingsError
 from intervis.sight.kernels.parameters import Thresholds
 from intervis.sight.occupancy_model import RISK_RANGE, thresholds_for
 
+LARGEST_M = 1e9
+"""Lengths are no larger, so that their squares and products are finite."""
+
 
 def finite_number(name: str, value: Any, unit: str) -> float:
     """A finite number, by the name of its argument.
@@ -48,7 +51,7 @@ def positive_length(name: str, value: Any) -> float:
         It is none.
     """
     length_m = finite_number(name, value, "metres")
-    if length_m <= 0.0:
+    if not 0.0 < length_m <= LARGEST_M:
         raise SettingsError(f"{name} must be a positive length in metres, got {value!r}.")
     return length_m
 

@@ -216,3 +216,13 @@ def test_wrong_names_and_numbers_are_told_in_one_line(options, names, tmp_path, 
     assert names in said.err
     assert len(said.err.splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_drive_is_not_simulated_through_a_link(tmp_path, capsys):
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "2011_09_26").symlink_to(tmp_path / "theirs")
+    asked = ["simulate", "--frames", "1", "--no-images", "--scanner", "vlp-16"]
+    assert exit_code([*asked, "--out", str(tmp_path / "out")]) == 2
+    assert "2011_09_26 is a link" in capsys.readouterr().err
+    assert list((tmp_path / "theirs").iterdir()) == []

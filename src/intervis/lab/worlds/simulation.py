@@ -28,6 +28,7 @@ from intervis.lab.worlds.scanner import Scanner
 from intervis.lab.worlds.sensor_rig import SensorRig
 from intervis.lab.worlds.street.layout import build_street
 from intervis.lab.worlds.world import World
+from intervis.output_folder import refuse_links_below
 from intervis.progress import Progress, silent
 from intervis.transform import inverse
 
@@ -139,6 +140,8 @@ def _prepare(layout: Layout, rig: SensorRig, metadata: dict[str, Any], frames: i
     """Write calibration and metadata; delete frames of another or longer simulated drive."""
     text = json.dumps(metadata, indent=1) + "\n"
     metadata_path = layout.drive / METADATA_NAME
+    for path in layout.expected(1):
+        refuse_links_below(layout.root, path)
     files = {layout.date / name: body for name, body in rig.calibration_files(START).items()}
     try:
         before = metadata_path.read_text(errors="replace") if metadata_path.is_file() else None

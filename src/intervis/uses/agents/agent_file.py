@@ -1,6 +1,5 @@
 """Agents from files and drives: rows of a CSV, labelled boxes, and the scanner itself."""
 
-import csv
 import math
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -12,10 +11,11 @@ from intervis.drives import Drive
 from intervis.drives.calibration import read_lines
 from intervis.errors import CalibrationError, DriveError, PointsError
 from intervis.sight import Scene
+from intervis.sight.query_checks import LARGEST_M
 from intervis.transform import rigid
 from intervis.uses.agents.mutual_sight import Agent
 from intervis.uses.routes.survey import distance_to_scans
-from intervis.uses.routes.target_file import FARTHEST_M
+from intervis.uses.routes.target_file import FARTHEST_M, csv_rows
 
 COLUMNS = (
     *("name", "x", "y", "z", "height", "yaw_deg", "fov_deg", "range_m", "frame"),
@@ -48,7 +48,7 @@ def read_agents(path: Path, scene: Scene) -> list[Agent]:
     if not path.exists():
         raise DriveError(f"there are no agents at {path}: check the path.")
     lines = [line for line in read_lines(path) if line.strip()]
-    rows = list(csv.DictReader(lines, skipinitialspace=True))
+    rows = csv_rows(path, lines)
     if any(None in row for row in rows):
         raise CalibrationError(f"{path}: a row has more values than the heading.")
     heads = set(rows[0]) if rows else set()
@@ -72,7 +72,7 @@ def _number(path: Path, nth: int, key: str, text: str | None) -> float | None:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not abs(value) <= LARGEST_M:  # nor is NaN
         raise CalibrationError(f"{path}, agent {nth}: {key} must be a number, got {text[:40]!r}.")
     return value
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from intervis.arrays import Float64Array, array_of
 from intervis.drives.trajectory import FARTHEST_M
 from intervis.errors import PointsError, SettingsError
-from intervis.sight.query_checks import finite_number, positive_length
+from intervis.sight.query_checks import LARGEST_M, finite_number, positive_length
 
 LEAST_SPACING_M = 0.2
 """Places nearer to the one before are left out: a standing vehicle has no direction."""
@@ -208,10 +208,16 @@ class Route:
         Raises
         ------
         SettingsError
-            The offset is not finite.
+            The offset is not finite, or beyond 1e9 m.
         """
         offset_m = finite_number("the offset", offset_m, "metres")
+        if abs(offset_m) > LARGEST_M:
+            raise SettingsError(f"the offset must be at most {LARGEST_M:g} m, got {offset_m:g}.")
         tangent = np.gradient(self.points[:, :2], self.chainage_m, axis=0)
+        length = np.linalg.norm(tangent, axis=1, keepdims=True)
+        turns_back = length[:, 0] < 1e-9  # there the way before it counts
+        before = np.diff(self.points[:, :2], axis=0)
+        tangent[turns_back] = before[np.flatnonzero(turns_back) - 1]
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         moved = self.points.copy()
         moved[:, 0] -= offset_m * tangent[:, 1]
@@ -225,6 +231,8 @@ class Route:
         """
         end = self.points[-1]
         back = self.at(max(self.length_m - STRAIGHT_M, 0.0))
+        if not (end - back)[:2].any():  # it has come back
+            back = self.points[-2]
         step = (end - back) / np.linalg.norm((end - back)[:2])
         return Route(
             np.vstack([self.points, end + positive_length("the extension", length_m) * step]),

@@ -122,7 +122,10 @@ def _read_rows(path: Path) -> Float64Array:
 
 def _read_way_points(path: Path, start_s: float) -> Route:
     lines = [line for line in read_lines(path) if _has_values(line)]
-    heading, *rows = csv.reader(lines, skipinitialspace=True)
+    try:
+        heading, *rows = csv.reader(lines, skipinitialspace=True)
+    except csv.Error as error:
+        raise CalibrationError(f"{path} does not parse as CSV ({error}).") from None
     names = [name.strip().lower() for name in heading]
     if not {"x", "y"} <= set(names) or not set(names) <= set(WAY_POINT_COLUMNS):
         raise CalibrationError(

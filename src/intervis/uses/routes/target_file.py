@@ -11,6 +11,7 @@ from intervis.drives.calibration import read_lines
 from intervis.drives.scan_file import read_scan
 from intervis.errors import CalibrationError, DriveError, SceneError
 from intervis.sight import Scene
+from intervis.sight.query_checks import LARGEST_M
 from intervis.uses.routes.survey import distance_to_scans
 
 FARTHEST_M = 150.0
@@ -39,7 +40,7 @@ def read_targets(path: Path) -> tuple[list[str], Float64Array]:
         places = scan[finite_rows(scan), :3].astype(np.float64)
         return [str(nth) for nth in range(1, len(places) + 1)], places
     lines = [line for line in read_lines(path) if line.strip()]
-    rows = list(csv.DictReader(lines, skipinitialspace=True))
+    rows = csv_rows(path, lines)
     if not rows or not {"x", "y", "z"} <= set(rows[0]):
         raise CalibrationError(f"{path}: targets need a heading with x, y, z, and rows below it.")
     if any(None in row for row in rows):
@@ -48,13 +49,27 @@ def read_targets(path: Path) -> tuple[list[str], Float64Array]:
     return names, np.array([_place(path, nth, row) for nth, row in enumerate(rows, start=1)])
 
 
+def csv_rows(path: Path, lines: list[str]) -> list[dict[str, str]]:
+    """Rows of a CSV by the names of its heading.
+
+    Raises
+    ------
+    CalibrationError
+        The lines do not parse.
+    """
+    try:
+        return list(csv.DictReader(lines, skipinitialspace=True))
+    except csv.Error as error:
+        raise CalibrationError(f"{path} does not parse as CSV ({error}).") from None
+
+
 def _place(path: Path, nth: int, row: dict[str, str]) -> list[float]:
     try:
         place = [float(row[axis]) for axis in "xyz"]
     except (TypeError, ValueError):
         place = [math.nan]
-    if not all(map(math.isfinite, place)):
-        raise CalibrationError(f"{path}, target {nth}: x, y and z must be numbers.")
+    if not all(abs(value) <= LARGEST_M for value in place):  # nor is NaN
+        raise CalibrationError(f"{path}, target {nth}: x, y and z must be numbers in metres.")
     return place
 
 

@@ -20,6 +20,10 @@ LEAST_SPACING_M = 0.25
 """Distance of the points of a small zone."""
 LEVELS = 3
 """Heights at which points are placed, from the lower to the upper height."""
+MOST_CORNERS, FARTHEST_M = 500, 1e7
+MOST_CELLS = 1_000_000
+"""Cells of the rectangle around a zone that are looked at, to sample it."""
+
 LEAST_AREA_M2 = 1e-4
 DEFAULT_HEIGHTS_M = (0.2, 2.0)
 
@@ -39,8 +43,8 @@ class Zone:
     Raises
     ------
     PointsError
-        Fewer than three corners, corners that are not finite, edges that cross, no area, or
-        heights that are not in order.
+        Fewer than three corners or more than 500, corners that are not finite or beyond
+        10,000 km, edges that cross, no area, or heights that are not in order.
 
     Examples
     --------
@@ -66,7 +70,12 @@ class Zone:
             ring = ring[:-1]
         if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
             raise PointsError(f"zone {name!r} needs three corners or more, x and y in metres.")
-        if not (math.isfinite(low_m) and math.isfinite(high_m) and low_m <= high_m):
+        if len(ring) > MOST_CORNERS or np.abs(ring).max() > FARTHEST_M:
+            raise PointsError(
+                f"zone {name!r} may have {MOST_CORNERS} corners, within {FARTHEST_M:g} m of the"
+                " origin: simplify it, or give it in the frame of the drive's poses."
+            )
+        if not -FARTHEST_M <= low_m <= high_m <= FARTHEST_M:
             raise PointsError(
                 f"zone {name!r} needs a lower and an upper height, got {low_m} and {high_m}."
             )
@@ -116,6 +125,8 @@ class Zone:
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         while True:
             count = np.maximum(np.ceil((high - low) / spacing_m).astype(np.int64), 1)
+            if count.prod() > MOST_CELLS:  # a thin zone between the middles of all cells
+                return self._inner_point()
             step = (high - low) / count
             i, j = np.indices(count).reshape(2, -1)
             middles = low + (np.column_stack([i, j]) + 0.5) * step
@@ -123,6 +134,17 @@ class Zone:
             if len(inside):
                 return np.asarray(inside)
             spacing_m /= 2.0
+
+    def _inner_point(self) -> Float64Array:
+        """(1, 2) a point inside: between two edges, half way up the widest gap of heights."""
+        levels = np.unique(self.corners[:, 1])
+        widest = int(np.argmax(np.diff(levels)))
+        y = 0.5 * (levels[widest] + levels[widest + 1])
+        ends = np.roll(self.corners, -1, axis=0)
+        spans = (self.corners[:, 1] > y) != (ends[:, 1] > y)
+        (x0, y0), (x1, y1) = self.corners[spans].T, ends[spans].T
+        x = np.sort(x0 + (y - y0) / (y1 - y0) * (x1 - x0))
+        return np.array([[0.5 * (x[0] + x[1]), y]])
 
 
 def _crossing_edges(ring: Float64Array) -> tuple[int, int] | None:
@@ -207,7 +229,7 @@ def _zone(path: Path, nth: int, feature: Any) -> Zone:
             float(properties.get(key, value))
             for key, value in zip(("low_m", "high_m"), DEFAULT_HEIGHTS_M, strict=True)
         )
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError):
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError):
         raise wrong from None
     if len(rings) > 1:
         raise PointsError(f"zone {name!r} has holes: cut it into polygons without any.")

@@ -185,6 +185,8 @@ def read_classes(path: Path) -> dict[int, int]:
         with open_regular(path) as file:
             content = json.loads(file.read(MOST_CLASSES_BYTES))
         pairs = {int(key): value for key, value in content.items()}
+        if not all(type(value) is int for value in pairs.values()):  # nor is true a number
+            raise ValueError
         if not all(0 <= number < 1 << 16 for pair in pairs.items() for number in pair):
             raise ValueError
     except OSError as error:
@@ -194,4 +196,4 @@ def read_classes(path: Path) -> dict[int, int]:
             f"the classes {path} must be a JSON object of whole numbers from 0 to 65535, as in"
             ' {"10": 4, "40": 11}.'
         ) from None
-    return {key: int(value) for key, value in pairs.items()}
+    return pairs

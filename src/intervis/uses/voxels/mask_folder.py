@@ -9,6 +9,7 @@ import intervis
 from intervis.drives import Drive
 from intervis.errors import OutputError
 from intervis.files import make_folder, write_text
+from intervis.output_folder import refuse_links
 from intervis.uses.voxels.drive_masks import MaskSettings
 
 METADATA_NAME = "masks.json"
@@ -30,6 +31,7 @@ def check_folder(out: Path, drive: Drive, layout: str, settings: MaskSettings) -
     """
     text = json.dumps(_metadata(drive, layout, settings), indent=1) + "\n"
     path = out / METADATA_NAME
+    refuse_links(path)
     try:
         if out.exists() and not out.is_dir():
             raise OutputError(f"{out} is a file: give the path of a folder.")
@@ -64,7 +66,7 @@ def _metadata(drive: Drive, layout: str, settings: MaskSettings) -> dict[str, ob
     return {
         "made_by": MADE_BY,
         "version": intervis.__version__,
-        "drive": drive.name,
+        "drive": drive.fingerprint(),
         "layout": layout,
         "definition": settings.definition,
         "later": settings.later,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from intervis.errors import OutputError
 from intervis.files import write_bytes
+from intervis.output_folder import refuse_links_below
 from intervis.uses.voxels.masks import Masks
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 from intervis.uses.voxels.voxelizer import LATER_SCANS
@@ -288,10 +289,11 @@ def write_masks(out: Path, layout: MaskLayout, name: FrameName, masks: Masks) ->
     Raises
     ------
     OutputError
-        A file cannot be written, or a class does not fit the layout.
+        A file cannot be written, stands behind a link, or a class does not fit the layout.
     """
     written = []
     for path, content in layout.write(name, masks).items():
+        refuse_links_below(out, out / path)
         write_bytes(out / path, content)
         written.append(out / path)
     return written

@@ -13,6 +13,8 @@ from intervis.errors import SettingsError
 from intervis.sight.query_checks import positive_length
 
 MOST_VOXELS = 40_000_000
+LEAST_CELL_M, FARTHEST_M = 1e-3, 1e7
+
 BYTES_PER_VOXEL = 24
 """Memory that a voxel takes while a grid is carved."""
 
@@ -33,8 +35,8 @@ class VoxelGrid:
     Raises
     ------
     SettingsError
-        A length is not positive, a count is not a whole positive number, or there are more than
-        `MOST_VOXELS` voxels.
+        A length is not positive, the cell is below 1 mm, the corner beyond 10,000 km, a count is
+        not a whole positive number, or there are more than `MOST_VOXELS` voxels.
 
     Examples
     --------
@@ -53,6 +55,11 @@ class VoxelGrid:
     def __init__(self, corner: ArrayLike, cell_m: float, shape: ArrayLike) -> None:
         object.__setattr__(self, "corner", checked_point(corner, "corner"))
         object.__setattr__(self, "cell_m", positive_length("cell_m", cell_m))
+        if self.cell_m < LEAST_CELL_M or np.abs(self.corner).max() > FARTHEST_M:
+            raise SettingsError(
+                f"voxels are {LEAST_CELL_M:g} m or larger, and the corner of a grid lies within"
+                f" {FARTHEST_M:g} m, got {self.cell_m:g} and {self.corner.tolist()}."
+            )
         counts = list(shape) if isinstance(shape, list | tuple | np.ndarray) else []
         if len(counts) != 3 or not all(_is_count(count) for count in counts):
             raise SettingsError(f"shape must be three whole numbers of 1 or more, got {shape!r}.")
