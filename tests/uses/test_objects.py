@@ -11,6 +11,7 @@ from intervis.cli import exit_code
 from intervis.drives import open_drive
 from intervis.sight import Scene
 from intervis.uses import objects_of_frame
+from intervis.uses.object_figure import object_picture
 
 CALIBRATION = """P2: 700 0 600 0 0 700 180 0 0 0 1 0
 R0_rect: 1 0 0 0 1 0 0 0 1
@@ -92,3 +93,13 @@ def test_a_drive_without_labels_is_told(drive: Path, capsys) -> None:
     shutil.rmtree(drive / "label_2")
     assert exit_code(["objects", str(drive)]) == 2
     assert "has labelled objects: choose a labelled drive" in capsys.readouterr().err
+
+
+def test_the_star_stands_at_the_viewpoint(drive: Path) -> None:
+    frame, viewpoint = open_drive(drive)[7], (3.0, 2.0, 0.0)
+    objects = objects_of_frame(frame, Scene.from_scan(frame.points), viewpoint)
+    axes = object_picture(frame, objects, viewpoint).axes[-1]
+    (star,) = [dots for dots in axes.collections if len(dots.get_offsets()) == 1]
+    assert np.asarray(star.get_offsets()).tolist() == [[3.0, 2.0]]
+    left, right = axes.get_xlim()
+    assert left < 3.0 < right

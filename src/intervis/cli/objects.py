@@ -67,9 +67,8 @@ def objects(
                     from intervis.plots.style import save_figure
                     from intervis.uses.object_figure import object_picture
 
-                    save_figure(
-                        object_picture(frame, of_frame), picture, picture.suffix[1:].lower()
-                    )
+                    figure = object_picture(frame, of_frame, viewpoint)
+                    save_figure(figure, picture, picture.suffix[1:].lower())
                     drawn = True
             advance(f"frame {number}")
     if not found:
