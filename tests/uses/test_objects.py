@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from csv import DictReader
 from pathlib import Path
 
 import numpy as np
@@ -70,8 +71,16 @@ def test_the_command_writes_tables_and_a_picture(drive: Path, tmp_path: Path, ca
     out = capsys.readouterr().out
     assert "blocked by" in out
     assert "occlusion 3" in out
-    assert csv.read_text().count("\n") == 4
     content = json.loads(numbers.read_text())
+    rows = list(DictReader(csv.read_text().splitlines()))
+    assert len(rows) == len(content) == 3
+    for row, one in zip(rows, content, strict=True):
+        assert row["category"] == one["category"]
+        assert row["track"] == one["track"]
+        assert [float(row[f"centre_{axis}"]) for axis in "xyz"] == one["centre"]
+        for name in ("range_m", "visible", "occluded", "unknown", "probability", "in_image"):
+            assert float(row[name]) == one[name]
+        assert row["blocker_z"] == ("" if one["blocker"][2] is None else str(one["blocker"][2]))
     assert [one["category"] for one in content] == ["Van", "Car", "Car"]
     assert {one["blocked_by"] for one in content} >= {"Van"}
     assert picture.stat().st_size > 10_000

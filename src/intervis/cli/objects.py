@@ -21,7 +21,8 @@ def objects(
     ] = None,
     start: Annotated[str, FROM] = "sensor",
     csv: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Write the table of objects.")
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Write the numbers of --json as a table."),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write all numbers as JSON.")
@@ -48,7 +49,12 @@ def objects(
     from intervis.errors import DriveError
     from intervis.files import write_text
     from intervis.run.stream import selected_frames
-    from intervis.uses.objects import agreement_table, object_table, objects_of_frame
+    from intervis.uses.objects import (
+        agreement_table,
+        object_csv,
+        object_table,
+        objects_of_frame,
+    )
     from intervis.uses.registration import registered_scene
 
     drive = open_drive(source, camera=camera)
@@ -78,7 +84,7 @@ def objects(
     if agreement.rows:
         show("\n" + agreement.as_text())
     if csv is not None:
-        write_text(csv, table.as_csv())
+        write_text(csv, object_csv(found))
     if json_file is not None:
         import json
 
