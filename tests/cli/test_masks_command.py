@@ -34,7 +34,8 @@ def sequence(tmp_path_factory) -> Path:
     (root / "velodyne").mkdir(parents=True)
     (root / "labels").mkdir()
     (root / "calib.txt").write_text(
-        "P2: 700 0 600 0 0 700 180 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n"
+        "P2: 700 0 600 0 0 700 180 0 0 0 1 0\nP3: 700 0 600 -350 0 700 180 0 0 0 1 0\n"
+        "Tr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n"
     )
     (root / "times.txt").write_text("0\n0.1\n0.2\n")
     lines = [f"1 0 0 0 0 1 0 0 0 0 1 {float(n)}" for n in range(3)]  # z ahead of camera 0
@@ -96,6 +97,19 @@ def test_the_command_writes_what_the_library_makes(sequence, tmp_path) -> None:
             "mask_camera_image_2" if "mask_camera_image_2" in arrays else "mask_camera"
         ].any()
     assert (tmp_path / "m.png").stat().st_size > 10_000
+
+
+def test_a_camera_restricts_the_masks_to_itself(sequence, tmp_path) -> None:
+    held = {}
+    for name, options in (("all", []), ("one", ["--camera", "image_3"])):
+        command = ["masks", str(sequence), "--out", str(tmp_path / name), *SMALL, *options]
+        assert exit_code([*command, "--frames", "0", "--later", "0"]) == 0
+        with np.load(tmp_path / name / "000000.npz", allow_pickle=False) as arrays:
+            held[name] = {key for key in arrays.files if key.startswith("mask_camera_")}
+    assert held == {
+        "all": {"mask_camera_image_2", "mask_camera_image_3"},
+        "one": {"mask_camera_image_3"},
+    }
 
 
 def test_classes_are_mapped(sequence, tmp_path) -> None:

@@ -50,7 +50,8 @@ def masks(
         bool, typer.Option("--keep-moving", help="Keep labelled moving things of added frames.")
     ] = False,
     cameras: Annotated[
-        bool, typer.Option("--cameras/--no-cameras", help="Also masks of each camera.")
+        bool,
+        typer.Option("--cameras/--no-cameras", help="Also masks of each camera, or of --camera."),
     ] = True,
     classes: Annotated[
         Path | None,
@@ -95,7 +96,8 @@ def masks(
     drive = open_drive(source, camera=camera)
     numbers = selected_frames(drive.frame_numbers, frame_range)[::every]
     with_cameras = cameras and chosen.has_cameras and definition != "semantickitti"
-    posed = drive_cameras(source, drive) if with_cameras else {}
+    only = camera is not None
+    posed = drive_cameras(source, drive, only_selected=only) if with_cameras else {}
     metadata = check_folder(out, drive, layout, settings)
     scans = sum(1 + len(later_frames(drive, number, count)) for number in numbers)
     first: Masks | None = None
