@@ -1,6 +1,7 @@
 """`intervis masks`: files of a small labelled sequence and of real scans, and each mistake."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,8 @@ def test_a_labelled_sequence_in_semantickitti_layout(sequence, tmp_path, capsys)
     command = ["masks", str(sequence), "--out", str(out), "--definition", "semantickitti"]
     assert exit_code([*command, "--frames", "0", "--later", "2"]) == 0
     said = capsys.readouterr()
-    assert "1 frame: semantickitti, definition semantickitti." in said.out
+    first, *_ = said.out.splitlines()
+    assert first == "Drive 00, 1 frame; layout semantickitti, definition semantickitti."
     assert "no labels" not in said.out
     assert "Moving things of later frames, by their labels: left out" in said.out
     assert not said.err
@@ -110,6 +112,17 @@ def test_a_camera_restricts_the_masks_to_itself(sequence, tmp_path) -> None:
         "all": {"mask_camera_image_2", "mask_camera_image_3"},
         "one": {"mask_camera_image_3"},
     }
+
+
+def test_the_states_that_are_told_sum_to_all_voxels(sequence, tmp_path, capsys) -> None:
+    command = ["masks", str(sequence), "--out", str(tmp_path / "m"), *SMALL, "--later", "2"]
+    assert exit_code([*command, "--frames", "1", "--no-cameras"]) == 0
+    said = capsys.readouterr()
+    (states,) = [line for line in said.out.splitlines() if line.startswith("Frame 1, ")]
+    shares = dict(reversed(part) for part in re.findall(r"([\d.]+) % (\w+)", states))
+    assert list(shares) == ["free", "occupied", "occluded", "unknown"]
+    assert sum(map(float, shares.values())) == pytest.approx(100, abs=0.2)  # rounded
+    assert "1 target has fewer than 2 later frames." in said.err
 
 
 def test_classes_are_mapped(sequence, tmp_path) -> None:

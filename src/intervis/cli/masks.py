@@ -10,6 +10,9 @@ from intervis.cli.run import CameraName, Source
 from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from intervis.arrays import BoolArray
     from intervis.drives import Drive
     from intervis.uses.voxels.drive_masks import MaskSettings
     from intervis.uses.voxels.mask_layouts import FrameName, MaskLayout
@@ -112,9 +115,10 @@ def masks(
     assert first is not None
     fewer = sum(len(later_frames(drive, number, count)) < count for number in numbers)
     if fewer:
-        tell(f"note: near the end of the drive, {fewer} of the targets have fewer later frames.")
+        have = "target has" if fewer == 1 else "targets have"
+        tell(f"note: near the end of the drive, {fewer} {have} fewer than {count} later frames.")
     frame_count = f"{len(numbers)} frame{'s' if len(numbers) != 1 else ''}"
-    show(f"{drive.name}, {frame_count}: {layout}, definition {definition}.")
+    show(f"Drive {drive.name}, {frame_count}; layout {layout}, definition {definition}.")
     if count and first.label is not None:
         kept = "kept" if keep_moving else "left out; the tool keeps them, and so does --keep-moving"
         show(f"Moving things of later frames, by their labels: {kept}.")
@@ -220,11 +224,18 @@ def _name(drive: "Drive", number: int) -> "FrameName":
 
 
 def _shares(number: int, masks: "Masks") -> str:
-    import numpy as np
+    """Shares of the states, which sum to 100 %, and of the masks, which overlap."""
+    from intervis.uses.voxels.carving import STATES
 
-    parts = [("occupied", masks.occupied), ("free", masks.free)]
-    parts += [("occluded", masks.occluded), ("invalid", masks.invalid)]
-    parts += [(f"seen by {name}", mask) for name, mask in masks.camera.items()]
-    shares = ", ".join(f"{100 * float(np.mean(mask)):.1f} % {name}" for name, mask in parts)
+    states = _listed((name, masks.state == value) for value, name in STATES.items())
+    seen = [(f"seen by {name}", mask) for name, mask in masks.camera.items()]
+    of_masks = _listed([("occluded", masks.occluded), ("invalid", masks.invalid), *seen])
     label = "" if masks.label is not None else "; no labels"
-    return f"Frame {number}: of {masks.grid.size:,} voxels {shares}{label}."
+    return (
+        f"Frame {number}, {masks.grid.size:,} voxels: {states}{label}.\n"
+        f"Its masks, which overlap: {of_masks}."
+    )
+
+
+def _listed(parts: "Iterable[tuple[str, BoolArray]]") -> str:
+    return ", ".join(f"{100 * float(mask.mean()):.1f} % {name}" for name, mask in parts)
