@@ -9,6 +9,7 @@ import pytest
 
 from intervis.cli import exit_code
 from intervis.drives import open_drive
+from intervis.plots import style
 from intervis.uses.voxels.drive_masks import MaskSettings, frame_masks, on_own_car, read_classes
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 
@@ -138,6 +139,19 @@ def test_classes_are_mapped(sequence, tmp_path) -> None:
     assert semantics[125, 100, 2] == 9
     assert lidar[125, 100, 2] == 1
     assert semantics[130, 104, 5] == 13  # the wall
+
+
+def test_the_level_slice_lies_above_the_road(sequence, tmp_path, monkeypatch) -> None:
+    drawn = []
+    monkeypatch.setattr(style, "save_figure", lambda figure, *_: drawn.append(figure))
+    command = ["masks", str(sequence), "--frames", "0", "--later", "0", "--no-cameras"]
+    command += ["--picture", str(tmp_path / "m.png")]
+    occ3d = ["--layout", "occ3d-nuscenes", "--lidar-at", "0,0,1.7"]
+    for name, options in (("scanner", ["--layout", "surroundocc"]), ("vehicle", occ3d)):
+        assert exit_code([*command, "--out", str(tmp_path / name), *options]) == 0
+    titles = [figure.axes[0].get_title("left") for figure in drawn]
+    # 0.9 m below the scanner is -0.9 m in its own frame and 0.8 m in the vehicle's.
+    assert titles == ["level slice at z = -0.8 m", "level slice at z = 0.8 m"]
 
 
 def test_the_own_vehicle_is_left_out() -> None:

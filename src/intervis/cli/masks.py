@@ -128,7 +128,8 @@ def masks(
         from intervis.plots.style import save_figure
         from intervis.uses.voxels.mask_figure import mask_picture
 
-        save_figure(mask_picture(first), picture, picture.suffix[1:].lower())
+        figure = mask_picture(first, scanner_m=float(settings.grid_from_velo[2, 3]))
+        save_figure(figure, picture, picture.suffix[1:].lower())
         show(f"Picture: {picture}")
 
 
