@@ -126,6 +126,23 @@ def test_the_states_that_are_told_sum_to_all_voxels(sequence, tmp_path, capsys) 
     assert "1 target has fewer than 2 later frames." in said.err
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "Scanner at (0.94, 0.00, 1.84) m in the vehicle's frame, that of nuScenes, assumed"),
+        (["--lidar-at", "1,0,2"], "Scanner at (1.00, 0.00, 2.00) m in the vehicle's frame, as --"),
+        (["--layout", "surroundocc"], ""),
+    ],
+)
+def test_whose_mounting_is_told(sequence, tmp_path, capsys, options, said) -> None:
+    command = ["masks", str(sequence), "--out", str(tmp_path / "m"), "--frames", "0"]
+    command += ["--layout", "occ3d-nuscenes", "--no-cameras", *options]
+    assert exit_code(command) == 0
+    out = capsys.readouterr().out
+    assert said in out
+    assert ("Scanner at" in out) == bool(said)
+
+
 def test_classes_are_mapped(sequence, tmp_path) -> None:
     (tmp_path / "c.json").write_text('{"40": 9, "50": 13}')
     out = tmp_path / "m"

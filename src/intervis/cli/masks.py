@@ -7,14 +7,14 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
+from intervis.cli.sight import Point
 from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from intervis.arrays import BoolArray
+    from intervis.arrays import BoolArray, Float64Array
     from intervis.drives import Drive
-    from intervis.uses.voxels.drive_masks import MaskSettings
     from intervis.uses.voxels.mask_layouts import FrameName, MaskLayout
     from intervis.uses.voxels.masks import Masks
     from intervis.uses.voxels.voxel_grid import VoxelGrid
@@ -64,7 +64,8 @@ def masks(
         str | None,
         typer.Option(
             metavar="X,Y,Z",
-            help="Scanner in the vehicle's frame, metres, for occ3d-nuscenes; default: nuScenes'.",
+            help="Scanner in the vehicle's frame, metres, for occ3d-nuscenes; default: as the drive"
+            " says, or else nuScenes'.",
         ),
     ] = None,
     corner: Annotated[
@@ -88,15 +89,24 @@ def masks(
 
     from intervis.drives import open_drive
     from intervis.run.stream import selected_frames
-    from intervis.uses.voxels.drive_masks import drive_cameras, frame_masks, later_frames
+    from intervis.uses.voxels.drive_masks import (
+        MaskSettings,
+        drive_cameras,
+        frame_masks,
+        later_frames,
+        read_classes,
+    )
     from intervis.uses.voxels.mask_folder import check_folder, claim_folder
     from intervis.uses.voxels.mask_layouts import write_masks
 
     chosen = _layout(layout, definition, (corner, cell, shape))
     count = chosen.later if later is None else _whole("--later", later, 0)
     every = _whole("--stride", stride, 1)
-    settings = _settings(chosen, definition, count, keep_moving, (lidar_at, classes))
+    given_place = _lidar_place(chosen, lidar_at)
+    class_map = None if classes is None else read_classes(classes)
     drive = open_drive(source, camera=camera)
+    grid_from_velo, mounting = _mounting(chosen, given_place, drive)
+    settings = MaskSettings(chosen.grid, definition, count, keep_moving, grid_from_velo, class_map)
     numbers = selected_frames(drive.frame_numbers, frame_range)[::every]
     with_cameras = cameras and chosen.has_cameras and definition != "semantickitti"
     only = camera is not None
@@ -119,6 +129,8 @@ def masks(
         tell(f"note: near the end of the drive, {fewer} {have} fewer than {count} later frames.")
     frame_count = f"{len(numbers)} frame{'s' if len(numbers) != 1 else ''}"
     show(f"Drive {drive.name}, {frame_count}; layout {layout}, definition {definition}.")
+    if mounting:
+        show(mounting)
     if count and first.label is not None:
         kept = "kept" if keep_moving else "left out; the tool keeps them, and so does --keep-moving"
         show(f"Moving things of later frames, by their labels: {kept}.")
@@ -187,33 +199,36 @@ def _grid(
     )
 
 
-def _settings(
-    layout: "MaskLayout",
-    definition: str,
-    later: int,
-    keep_moving: bool,
-    given: tuple[str | None, Path | None],
-) -> "MaskSettings":
+def _lidar_place(layout: "MaskLayout", lidar_at: str | None) -> Point | None:
+    """The place of the scanner that ``--lidar-at`` gives."""
+    from intervis.errors import SettingsError
+
+    if lidar_at is None:
+        return None
+    if layout.lidar_in_ego_m is None:
+        raise SettingsError(f"--lidar-at has no use: the grid of {layout.name} is the LiDAR's.")
+    return options.coordinates(lidar_at, "--lidar-at")
+
+
+def _mounting(
+    layout: "MaskLayout", given: Point | None, drive: "Drive"
+) -> tuple["Float64Array", str]:
+    """The frame of the grid from the scanner's, and a sentence that says whose it is."""
     import numpy as np
 
-    from intervis.errors import SettingsError
     from intervis.transform import rigid
-    from intervis.uses.voxels.drive_masks import MaskSettings, read_classes
 
-    lidar_at, classes = given
-    place = layout.lidar_in_ego_m or (0.0, 0.0, 0.0)
-    if lidar_at is not None:
-        if layout.lidar_in_ego_m is None:
-            raise SettingsError(f"--lidar-at has no use: the grid of {layout.name} is the LiDAR's.")
-        place = options.coordinates(lidar_at, "--lidar-at")
-    return MaskSettings(
-        layout.grid,
-        definition,
-        later,
-        keep_moving,
-        rigid(np.eye(3), place),
-        None if classes is None else read_classes(classes),
-    )
+    if layout.lidar_in_ego_m is None:
+        return np.eye(4), ""
+    if given is not None:
+        pose, whose = rigid(np.eye(3), given), "as --lidar-at says"
+    elif drive.ego_from_velo is not None:
+        pose, whose = drive.ego_from_velo, "as the drive says"
+    else:
+        pose = rigid(np.eye(3), layout.lidar_in_ego_m)
+        whose = "that of nuScenes, assumed because the drive says none: --lidar-at gives another"
+    place = ", ".join(f"{value:.2f}" for value in pose[:3, 3])
+    return pose, f"Scanner at ({place}) m in the vehicle's frame, {whose}."
 
 
 def _name(drive: "Drive", number: int) -> "FrameName":
