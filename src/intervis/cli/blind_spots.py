@@ -49,6 +49,8 @@ def blindspots(
 
     import json
 
+    import numpy as np
+
     from intervis.drives import open_drive
     from intervis.files import write_text
     from intervis.uses.blind_spots import blind_spots, geojson_of, spot_table
@@ -70,7 +72,8 @@ def blindspots(
         spots = blind_spots(grid)
         advance("spots")
     show(f"{drive.name}, frame {now.number}; coordinates in its sensor frame. {_shares(grid)}")
-    show(spot_table(spots[:SHOWN_SPOTS]).as_text())
+    if np.isfinite(grid.ground_m).any():
+        show(spot_table(spots[:SHOWN_SPOTS]).as_text())
     if len(spots) > SHOWN_SPOTS:
         show(f"and {len(spots) - SHOWN_SPOTS} more, farther away: --geojson writes all.")
     if geojson is not None:
@@ -90,8 +93,13 @@ def blindspots(
 def _shares(grid: "VisibilityGrid") -> str:
     import numpy as np
 
+    from intervis.uses.visibility_grid import GROUND_WITHIN_M
+
     known = np.isfinite(grid.ground_m)
+    near = f"ground below the scanner within {GROUND_WITHIN_M:g} m"
     if not known.any():
-        return "No ground was found."
+        return f"No cell has {near}: nothing is judged."
     visible, occluded = (100 * float(np.mean(grid.state[known] == value)) for value in (1, 0))
-    return f"Of the cells {visible:.0f} % are visible, {occluded:.0f} % occluded."
+    without = 100 * float(np.mean(~known))
+    left_out = f" {without:.0f} % have no {near} and are left out." if without else ""
+    return f"Of the cells judged {visible:.0f} % are visible, {occluded:.0f} % occluded.{left_out}"
