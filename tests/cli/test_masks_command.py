@@ -102,7 +102,7 @@ def test_the_command_writes_what_the_library_makes(sequence, tmp_path) -> None:
     assert (tmp_path / "m.png").stat().st_size > 10_000
 
 
-def test_a_camera_restricts_the_masks_to_itself(sequence, tmp_path) -> None:
+def test_a_camera_restricts_the_masks_to_itself(sequence, tmp_path, capsys) -> None:
     held = {}
     for name, options in (("all", []), ("one", ["--camera", "image_3"])):
         command = ["masks", str(sequence), "--out", str(tmp_path / name), *SMALL, *options]
@@ -113,6 +113,9 @@ def test_a_camera_restricts_the_masks_to_itself(sequence, tmp_path) -> None:
         "all": {"mask_camera_image_2", "mask_camera_image_3"},
         "one": {"mask_camera_image_3"},
     }
+    command = ["masks", str(sequence), "--out", str(tmp_path / "one"), *SMALL, "--later", "0"]
+    assert exit_code([*command, "--frames", "1"]) == 2
+    assert "or of other cameras (see masks.json)" in capsys.readouterr().err
 
 
 def test_the_states_that_are_told_sum_to_all_voxels(sequence, tmp_path, capsys) -> None:

@@ -111,7 +111,7 @@ def masks(
     with_cameras = cameras and chosen.has_cameras and definition != "semantickitti"
     only = camera is not None
     posed = drive_cameras(source, drive, only_selected=only) if with_cameras else {}
-    metadata = check_folder(out, drive, layout, settings)
+    metadata = check_folder(out, drive, layout, settings, posed)
     scans = sum(1 + len(later_frames(drive, number, count)) for number in numbers)
     first: Masks | None = None
     with progress("scans", scans + len(numbers)) as advance:
