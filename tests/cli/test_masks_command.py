@@ -1,6 +1,7 @@
 """`intervis masks`: files of a small labelled sequence and of real scans, and each mistake."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from intervis.cli import exit_code
 from intervis.drives import open_drive
 from intervis.errors import SettingsError
+from intervis.plots import style
 from intervis.uses.voxels.drive_masks import MaskSettings, frame_masks, on_own_car, read_classes
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 from small_drive import files_below, scan_folder
@@ -36,7 +38,8 @@ def sequence(tmp_path_factory) -> Path:
     (root / "velodyne").mkdir(parents=True)
     (root / "labels").mkdir()
     (root / "calib.txt").write_text(
-        "P2: 700 0 600 0 0 700 180 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n"
+        "P2: 700 0 600 0 0 700 180 0 0 0 1 0\nP3: 700 0 600 -350 0 700 180 0 0 0 1 0\n"
+        "Tr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n"
     )
     (root / "times.txt").write_text("0\n0.1\n0.2\n")
     lines = [f"1 0 0 0 0 1 0 0 0 0 1 {float(n)}" for n in range(3)]  # z ahead of camera 0
@@ -55,7 +58,8 @@ def test_a_labelled_sequence_in_semantickitti_layout(sequence, tmp_path, capsys)
     command = ["masks", str(sequence), "--out", str(out), "--definition", "semantickitti"]
     assert exit_code([*command, "--frames", "0", "--later", "2"]) == 0
     said = capsys.readouterr()
-    assert "1 frame: semantickitti, definition semantickitti." in said.out
+    first, *_ = said.out.splitlines()
+    assert first == "Drive 00, 1 frame; layout semantickitti, definition semantickitti."
     assert "no labels" not in said.out
     assert "Moving things of later frames, by their labels: left out" in said.out
     assert not said.err
@@ -100,6 +104,50 @@ def test_the_command_writes_what_the_library_makes(sequence, tmp_path) -> None:
     assert (tmp_path / "m.png").stat().st_size > 10_000
 
 
+def test_a_camera_restricts_the_masks_to_itself(sequence, tmp_path, capsys) -> None:
+    held = {}
+    for name, options in (("all", []), ("one", ["--camera", "image_3"])):
+        command = ["masks", str(sequence), "--out", str(tmp_path / name), *SMALL, *options]
+        assert exit_code([*command, "--frames", "0", "--later", "0"]) == 0
+        with np.load(tmp_path / name / "000000.npz", allow_pickle=False) as arrays:
+            held[name] = {key for key in arrays.files if key.startswith("mask_camera_")}
+    assert held == {
+        "all": {"mask_camera_image_2", "mask_camera_image_3"},
+        "one": {"mask_camera_image_3"},
+    }
+    command = ["masks", str(sequence), "--out", str(tmp_path / "one"), *SMALL, "--later", "0"]
+    assert exit_code([*command, "--frames", "1"]) == 2
+    assert "or of other cameras (see masks.json)" in capsys.readouterr().err
+
+
+def test_the_states_that_are_told_sum_to_all_voxels(sequence, tmp_path, capsys) -> None:
+    command = ["masks", str(sequence), "--out", str(tmp_path / "m"), *SMALL, "--later", "2"]
+    assert exit_code([*command, "--frames", "1", "--no-cameras"]) == 0
+    said = capsys.readouterr()
+    (states,) = [line for line in said.out.splitlines() if line.startswith("Frame 1, ")]
+    shares = dict(reversed(part) for part in re.findall(r"([\d.]+) % (\w+)", states))
+    assert list(shares) == ["free", "occupied", "occluded", "unknown"]
+    assert sum(map(float, shares.values())) == pytest.approx(100, abs=0.2)  # rounded
+    assert "1 target has fewer than 2 later frames." in said.err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "Scanner at (0.94, 0.00, 1.84) m in the vehicle's frame, that of nuScenes, assumed"),
+        (["--lidar-at", "1,0,2"], "Scanner at (1.00, 0.00, 2.00) m in the vehicle's frame, as --"),
+        (["--layout", "surroundocc"], ""),
+    ],
+)
+def test_whose_mounting_is_told(sequence, tmp_path, capsys, options, said) -> None:
+    command = ["masks", str(sequence), "--out", str(tmp_path / "m"), "--frames", "0"]
+    command += ["--layout", "occ3d-nuscenes", "--no-cameras", *options]
+    assert exit_code(command) == 0
+    out = capsys.readouterr().out
+    assert said in out
+    assert ("Scanner at" in out) == bool(said)
+
+
 def test_classes_are_mapped(sequence, tmp_path) -> None:
     (tmp_path / "c.json").write_text('{"40": 9, "50": 13}')
     out = tmp_path / "m"
@@ -113,6 +161,19 @@ def test_classes_are_mapped(sequence, tmp_path) -> None:
     assert semantics[125, 100, 2] == 9
     assert lidar[125, 100, 2] == 1
     assert semantics[130, 104, 5] == 13  # the wall
+
+
+def test_the_level_slice_lies_above_the_road(sequence, tmp_path, monkeypatch) -> None:
+    drawn = []
+    monkeypatch.setattr(style, "save_figure", lambda figure, *_: drawn.append(figure))
+    command = ["masks", str(sequence), "--frames", "0", "--later", "0", "--no-cameras"]
+    command += ["--picture", str(tmp_path / "m.png")]
+    occ3d = ["--layout", "occ3d-nuscenes", "--lidar-at", "0,0,1.7"]
+    for name, options in (("scanner", ["--layout", "surroundocc"]), ("vehicle", occ3d)):
+        assert exit_code([*command, "--out", str(tmp_path / name), *options]) == 0
+    titles = [figure.axes[0].get_title("left") for figure in drawn]
+    # 0.9 m below the scanner is -0.9 m in its own frame and 0.8 m in the vehicle's.
+    assert titles == ["level slice at z = -0.8 m", "level slice at z = 0.8 m"]
 
 
 def test_the_own_vehicle_is_left_out() -> None:

@@ -1,5 +1,6 @@
 """Argoverse 2, from a log written by hand, and a real one."""
 
+import json
 import pickle
 import sys
 
@@ -18,6 +19,7 @@ from argoverse_writer import (
 )
 from scipy.spatial.transform import Rotation
 
+from intervis.cli import exit_code
 from intervis.drives import open_drive
 from intervis.errors import CalibrationError, DriveError, MissingExtraError, ScanError
 from intervis.transform import transform
@@ -58,6 +60,19 @@ def test_each_scanner_has_its_own_place(tmp_path):
     both = np.concatenate([transform(scan.pose, scan.points) for scan in (upper, lower)])
     x, y, z = POINTS[[0, 2, 4, 1, 3, 5]].T
     assert np.allclose(both, np.column_stack([100 - y, 200 + x, 3 + z]), atol=1e-5)
+
+
+def test_masks_stand_in_the_logs_own_vehicle_frame(tmp_path, capsys):
+    write_log(tmp_path / "log")
+    drive = open_drive(tmp_path / "log")
+    assert np.allclose(transform(drive.ego_from_velo, drive[0].points), POINTS[UPPER], atol=1e-5)
+    command = ["masks", str(tmp_path / "log"), "--out", str(tmp_path / "m"), "--no-cameras"]
+    command += ["--layout", "occ3d-nuscenes", "--frames", "0"]
+    assert exit_code(command) == 0
+    said = capsys.readouterr().out
+    assert "Scanner at (1.35, 0.00, 1.64) m in the vehicle's frame, as the drive says." in said
+    stated = json.loads((tmp_path / "m" / "masks.json").read_text())["grid_from_velo"]
+    assert np.allclose(stated, drive.ego_from_velo)
 
 
 def test_the_vehicle_moves_between_sweep_and_image(tmp_path):

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from intervis.drives import nuscenes_tables, open_drive
 from intervis.errors import CalibrationError, DriveError, ScanError
+from intervis.transform import rigid
 
 
 @pytest.mark.parametrize("place", ["", "v1.0-mini", "scene-0061", "v1.0-mini/scene-0061"])
@@ -191,6 +192,8 @@ def test_a_tilted_scanner_keeps_its_tilt(tmp_path):
     frame = open_drive(tmp_path)[0]
     assert frame.points[0].tolist() == [5, -2, 1]
     assert np.allclose(frame.pose[:3, :3], tilt.as_matrix())
+    mounted = open_drive(tmp_path).ego_from_velo
+    assert np.allclose(mounted, rigid(tilt.as_matrix(), [0, 0, 2]))
 
 
 # --- tables that break their schema ---

@@ -92,7 +92,11 @@ def test_every_work_runs_on_a_small_drive(tmp_path, capsys):
     ("options", "said"),
     [
         (["--rounds", "2"], "--rounds must be 3 or more"),
-        (["--only", "nothing"], "no work has a name with 'nothing'"),
+        (
+            ["--only", "nothing"],
+            "no work has a name with 'nothing'; the groups are: triangulation, ",
+        ),
+        (["--only", "nothing"], "; a scan made ready; all sight lines of a viewpoint; "),
         (["--frame", "7"], "has no frame 7"),
         (["--compare", "{folder}/gone.json"], "cannot read"),
         (["--compare", "{folder}/other.json"], "holds no timings"),

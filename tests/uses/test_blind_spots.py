@@ -108,6 +108,43 @@ def test_ground_is_that_of_the_nearest_scan() -> None:
         scene.ground_height([1.0, 2.0])
 
 
+def test_hits_of_level_beams_are_no_ground(tmp_path: Path, capsys) -> None:
+    azimuth = np.radians(np.arange(0, 360, 0.1))
+    scale = 9.0 / np.maximum(np.abs(np.cos(azimuth)), np.abs(np.sin(azimuth)))  # a square room
+    level = np.stack([scale * np.cos(azimuth), scale * np.sin(azimuth), 0 * azimuth], axis=1)
+    scene = Scene.from_scan(level)
+    assert np.isfinite(scene.ground_height([[8.0, 8.0]])).all()  # the map takes hits as ground
+    grid = visibility_grid(scene, [0, 0, 0], level, reach_m=12.0)
+    assert np.isnan(grid.ground_m).all()
+    np.save(tmp_path / "ring.npy", level.astype(np.float32))
+    assert exit_code(["blindspots", str(tmp_path / "ring.npy"), "--reach", "12"]) == 0
+    out = capsys.readouterr().out
+    assert "No cell has ground below the scanner within 20 m: nothing is judged." in out
+    assert out.count("\n") == 1
+
+
+def test_cells_far_from_ground_are_left_out() -> None:
+    x, y = np.meshgrid(np.arange(-9, 9, 0.2), np.arange(-9, 9, 0.2))
+    flat = np.stack([x.ravel(), y.ravel(), np.full(x.size, -1.8)], axis=1)
+    grid = visibility_grid(Scene.from_scan(flat), [20, 0, 0], flat, reach_m=20.0, cell_m=1.0)
+    known = np.isfinite(grid.ground_m)
+    beside = np.abs(grid.middles[..., 1]) < 8
+    ahead_m = grid.middles[..., 0]
+    assert known[beside & (ahead_m < 27)].all()
+    assert not known[ahead_m > 30].any()
+    far = visibility_grid(Scene.from_scan(flat), [100, 100, 0], flat, reach_m=20.0)
+    assert blind_spots(far) == []
+
+
+def test_ground_that_rises_above_the_scanner_is_ground() -> None:
+    x, y = np.meshgrid(np.arange(-20, 40, 0.2), np.arange(-9, 9, 0.2))
+    hill = np.stack([x.ravel(), y.ravel(), 0.1 * x.ravel() - 1.8], axis=1)
+    grid = visibility_grid(Scene.from_scan(hill), [0, 0, 0], hill, reach_m=8.0)
+    higher = visibility_grid(Scene.from_scan(hill), [30, 0, 3], hill, reach_m=8.0)
+    assert np.isfinite(grid.ground_m).all()
+    assert (higher.ground_m > 0.2).all()
+
+
 def test_without_ground_nothing_is_judged() -> None:
     y, z = np.meshgrid(np.arange(-1, 1, 0.05), np.arange(0, 2, 0.05))
     wall = np.stack([np.full(y.size, 5.0), y.ravel(), z.ravel()], axis=1)[:20]

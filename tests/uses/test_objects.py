@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from csv import DictReader
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from intervis.cli import exit_code
 from intervis.drives import open_drive
 from intervis.sight import Scene
 from intervis.uses import objects_of_frame
+from intervis.uses.object_figure import object_picture
 
 CALIBRATION = """P2: 700 0 600 0 0 700 180 0 0 0 1 0
 R0_rect: 1 0 0 0 1 0 0 0 1
@@ -69,8 +71,16 @@ def test_the_command_writes_tables_and_a_picture(drive: Path, tmp_path: Path, ca
     out = capsys.readouterr().out
     assert "blocked by" in out
     assert "occlusion 3" in out
-    assert csv.read_text().count("\n") == 4
     content = json.loads(numbers.read_text())
+    rows = list(DictReader(csv.read_text().splitlines()))
+    assert len(rows) == len(content) == 3
+    for row, one in zip(rows, content, strict=True):
+        assert row["category"] == one["category"]
+        assert row["track"] == one["track"]
+        assert [float(row[f"centre_{axis}"]) for axis in "xyz"] == one["centre"]
+        for name in ("range_m", "visible", "occluded", "unknown", "probability", "in_image"):
+            assert float(row[name]) == one[name]
+        assert row["blocker_z"] == ("" if one["blocker"][2] is None else str(one["blocker"][2]))
     assert [one["category"] for one in content] == ["Van", "Car", "Car"]
     assert {one["blocked_by"] for one in content} >= {"Van"}
     assert picture.stat().st_size > 10_000
@@ -92,3 +102,13 @@ def test_a_drive_without_labels_is_told(drive: Path, capsys) -> None:
     shutil.rmtree(drive / "label_2")
     assert exit_code(["objects", str(drive)]) == 2
     assert "has labelled objects: choose a labelled drive" in capsys.readouterr().err
+
+
+def test_the_star_stands_at_the_viewpoint(drive: Path) -> None:
+    frame, viewpoint = open_drive(drive)[7], (3.0, 2.0, 0.0)
+    objects = objects_of_frame(frame, Scene.from_scan(frame.points), viewpoint)
+    axes = object_picture(frame, objects, viewpoint).axes[-1]
+    (star,) = [dots for dots in axes.collections if len(dots.get_offsets()) == 1]
+    assert np.asarray(star.get_offsets()).tolist() == [[3.0, 2.0]]
+    left, right = axes.get_xlim()
+    assert left < 3.0 < right

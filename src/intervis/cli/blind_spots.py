@@ -42,12 +42,16 @@ def blindspots(
     Each spot has its area, its nearest distance, what could hide in it, and what hides it.
     """
     place = options.place(start, "--from")
-    options.check_output_files({"--geojson": geojson, "--grid": grid_file, "--picture": picture})
+    options.check_output_files(
+        {"--geojson": geojson, "--grid": grid_file, "--picture": picture}, [source]
+    )
     if grid_file is not None and grid_file.suffix.lower() == ".pgm":
-        options.check_output_file(grid_file.with_suffix(".yaml"))
+        options.check_output_file(grid_file.with_suffix(".yaml"), [source])
     options.check_picture_file(picture)
 
     import json
+
+    import numpy as np
 
     from intervis.drives import open_drive
     from intervis.files import write_text
@@ -70,7 +74,8 @@ def blindspots(
         spots = blind_spots(grid)
         advance("spots")
     show(f"{drive.name}, frame {now.number}; coordinates in its sensor frame. {_shares(grid)}")
-    show(spot_table(spots[:SHOWN_SPOTS]).as_text())
+    if np.isfinite(grid.ground_m).any():
+        show(spot_table(spots[:SHOWN_SPOTS]).as_text())
     if len(spots) > SHOWN_SPOTS:
         show(f"and {len(spots) - SHOWN_SPOTS} more, farther away: --geojson writes all.")
     if geojson is not None:
@@ -90,8 +95,13 @@ def blindspots(
 def _shares(grid: "VisibilityGrid") -> str:
     import numpy as np
 
+    from intervis.uses.visibility_grid import GROUND_WITHIN_M
+
     known = np.isfinite(grid.ground_m)
+    near = f"ground below the scanner within {GROUND_WITHIN_M:g} m"
     if not known.any():
-        return "No ground was found."
+        return f"No cell has {near}: nothing is judged."
     visible, occluded = (100 * float(np.mean(grid.state[known] == value)) for value in (1, 0))
-    return f"Of the cells {visible:.0f} % are visible, {occluded:.0f} % occluded."
+    without = 100 * float(np.mean(~known))
+    left_out = f" {without:.0f} % have no {near} and are left out." if without else ""
+    return f"Of the cells judged {visible:.0f} % are visible, {occluded:.0f} % occluded.{left_out}"

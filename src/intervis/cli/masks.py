@@ -7,11 +7,14 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
+from intervis.cli.sight import Point
 from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from intervis.arrays import BoolArray, Float64Array
     from intervis.drives import Drive
-    from intervis.uses.voxels.drive_masks import MaskSettings
     from intervis.uses.voxels.mask_layouts import FrameName, MaskLayout
     from intervis.uses.voxels.masks import Masks
     from intervis.uses.voxels.voxel_grid import VoxelGrid
@@ -50,7 +53,8 @@ def masks(
         bool, typer.Option("--keep-moving", help="Keep labelled moving things of added frames.")
     ] = False,
     cameras: Annotated[
-        bool, typer.Option("--cameras/--no-cameras", help="Also masks of each camera.")
+        bool,
+        typer.Option("--cameras/--no-cameras", help="Also masks of each camera, or of --camera."),
     ] = True,
     classes: Annotated[
         Path | None,
@@ -60,7 +64,8 @@ def masks(
         str | None,
         typer.Option(
             metavar="X,Y,Z",
-            help="Scanner in the vehicle's frame, metres, for occ3d-nuscenes; default: nuScenes'.",
+            help="Scanner in the vehicle's frame, metres, for occ3d-nuscenes; default: as the drive"
+            " says, or else nuScenes'.",
         ),
     ] = None,
     corner: Annotated[
@@ -80,23 +85,35 @@ def masks(
 ) -> None:
     """Write which voxels around each frame are occupied, occluded, invalid, and seen by whom."""
     frame_range = options.frame_range(frames)
+    options.check_output_files({"--picture": picture}, [source, classes])
     options.check_picture_file(picture)
+    options.check_no_input(out, [source])
 
     from intervis.drives import open_drive
     from intervis.run.stream import selected_frames
-    from intervis.uses.voxels.drive_masks import drive_cameras, frame_masks, later_frames
+    from intervis.uses.voxels.drive_masks import (
+        MaskSettings,
+        drive_cameras,
+        frame_masks,
+        later_frames,
+        read_classes,
+    )
     from intervis.uses.voxels.mask_folder import check_folder, claim_folder
     from intervis.uses.voxels.mask_layouts import write_masks
 
     chosen = _layout(layout, definition, (corner, cell, shape))
     count = chosen.later if later is None else _whole("--later", later, 0)
     every = _whole("--stride", stride, 1)
-    settings = _settings(chosen, definition, count, keep_moving, (lidar_at, classes))
+    given_place = _lidar_place(chosen, lidar_at)
+    class_map = None if classes is None else read_classes(classes)
     drive = open_drive(source, camera=camera)
+    grid_from_velo, mounting = _mounting(chosen, given_place, drive)
+    settings = MaskSettings(chosen.grid, definition, count, keep_moving, grid_from_velo, class_map)
     numbers = selected_frames(drive.frame_numbers, frame_range)[::every]
     with_cameras = cameras and chosen.has_cameras and definition != "semantickitti"
-    posed = drive_cameras(source, drive) if with_cameras else {}
-    metadata = check_folder(out, drive, layout, settings)
+    only = camera is not None
+    posed = drive_cameras(source, drive, only_selected=only) if with_cameras else {}
+    metadata = check_folder(out, drive, layout, settings, posed)
     scans = sum(1 + len(later_frames(drive, number, count)) for number in numbers)
     first: Masks | None = None
     with progress("scans", scans + len(numbers)) as advance:
@@ -110,9 +127,12 @@ def masks(
     assert first is not None
     fewer = sum(len(later_frames(drive, number, count)) < count for number in numbers)
     if fewer:
-        tell(f"note: near the end of the drive, {fewer} of the targets have fewer later frames.")
+        have = "target has" if fewer == 1 else "targets have"
+        tell(f"note: near the end of the drive, {fewer} {have} fewer than {count} later frames.")
     frame_count = f"{len(numbers)} frame{'s' if len(numbers) != 1 else ''}"
-    show(f"{drive.name}, {frame_count}: {layout}, definition {definition}.")
+    show(f"Drive {drive.name}, {frame_count}; layout {layout}, definition {definition}.")
+    if mounting:
+        show(mounting)
     if count and first.label is not None:
         kept = "kept" if keep_moving else "left out; the tool keeps them, and so does --keep-moving"
         show(f"Moving things of later frames, by their labels: {kept}.")
@@ -122,7 +142,8 @@ def masks(
         from intervis.plots.style import save_figure
         from intervis.uses.voxels.mask_figure import mask_picture
 
-        save_figure(mask_picture(first), picture, picture.suffix[1:].lower())
+        figure = mask_picture(first, scanner_m=float(settings.grid_from_velo[2, 3]))
+        save_figure(figure, picture, picture.suffix[1:].lower())
         show(f"Picture: {picture}")
 
 
@@ -180,33 +201,36 @@ def _grid(
     )
 
 
-def _settings(
-    layout: "MaskLayout",
-    definition: str,
-    later: int,
-    keep_moving: bool,
-    given: tuple[str | None, Path | None],
-) -> "MaskSettings":
+def _lidar_place(layout: "MaskLayout", lidar_at: str | None) -> Point | None:
+    """The place of the scanner that ``--lidar-at`` gives."""
+    from intervis.errors import SettingsError
+
+    if lidar_at is None:
+        return None
+    if layout.lidar_in_ego_m is None:
+        raise SettingsError(f"--lidar-at has no use: the grid of {layout.name} is the LiDAR's.")
+    return options.coordinates(lidar_at, "--lidar-at")
+
+
+def _mounting(
+    layout: "MaskLayout", given: Point | None, drive: "Drive"
+) -> tuple["Float64Array", str]:
+    """The frame of the grid from the scanner's, and a sentence that says whose it is."""
     import numpy as np
 
-    from intervis.errors import SettingsError
     from intervis.transform import rigid
-    from intervis.uses.voxels.drive_masks import MaskSettings, read_classes
 
-    lidar_at, classes = given
-    place = layout.lidar_in_ego_m or (0.0, 0.0, 0.0)
-    if lidar_at is not None:
-        if layout.lidar_in_ego_m is None:
-            raise SettingsError(f"--lidar-at has no use: the grid of {layout.name} is the LiDAR's.")
-        place = options.coordinates(lidar_at, "--lidar-at")
-    return MaskSettings(
-        layout.grid,
-        definition,
-        later,
-        keep_moving,
-        rigid(np.eye(3), place),
-        None if classes is None else read_classes(classes),
-    )
+    if layout.lidar_in_ego_m is None:
+        return np.eye(4), ""
+    if given is not None:
+        pose, whose = rigid(np.eye(3), given), "as --lidar-at says"
+    elif drive.ego_from_velo is not None:
+        pose, whose = drive.ego_from_velo, "as the drive says"
+    else:
+        pose = rigid(np.eye(3), layout.lidar_in_ego_m)
+        whose = "that of nuScenes, assumed because the drive says none: --lidar-at gives another"
+    place = ", ".join(f"{value:.2f}" for value in pose[:3, 3])
+    return pose, f"Scanner at ({place}) m in the vehicle's frame, {whose}."
 
 
 def _name(drive: "Drive", number: int) -> "FrameName":
@@ -218,11 +242,18 @@ def _name(drive: "Drive", number: int) -> "FrameName":
 
 
 def _shares(number: int, masks: "Masks") -> str:
-    import numpy as np
+    """Shares of the states, which sum to 100 %, and of the masks, which overlap."""
+    from intervis.uses.voxels.carving import STATES
 
-    parts = [("occupied", masks.occupied), ("free", masks.free)]
-    parts += [("occluded", masks.occluded), ("invalid", masks.invalid)]
-    parts += [(f"seen by {name}", mask) for name, mask in masks.camera.items()]
-    shares = ", ".join(f"{100 * float(np.mean(mask)):.1f} % {name}" for name, mask in parts)
+    states = _listed((name, masks.state == value) for value, name in STATES.items())
+    seen = [(f"seen by {name}", mask) for name, mask in masks.camera.items()]
+    of_masks = _listed([("occluded", masks.occluded), ("invalid", masks.invalid), *seen])
     label = "" if masks.label is not None else "; no labels"
-    return f"Frame {number}: of {masks.grid.size:,} voxels {shares}{label}."
+    return (
+        f"Frame {number}, {masks.grid.size:,} voxels: {states}{label}.\n"
+        f"Its masks, which overlap: {of_masks}."
+    )
+
+
+def _listed(parts: "Iterable[tuple[str, BoolArray]]") -> str:
+    return ", ".join(f"{100 * float(mask.mean()):.1f} % {name}" for name, mask in parts)

@@ -21,7 +21,8 @@ def objects(
     ] = None,
     start: Annotated[str, FROM] = "sensor",
     csv: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Write the table of objects.")
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Write the numbers of --json as a table."),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write all numbers as JSON.")
@@ -41,14 +42,19 @@ def objects(
     """
     frame_range = options.frame_range(frames)
     place = options.place(start, "--from")
-    options.check_output_files({"--csv": csv, "--json": json_file, "--picture": picture})
+    options.check_output_files({"--csv": csv, "--json": json_file, "--picture": picture}, [source])
     options.check_picture_file(picture)
 
     from intervis.drives import open_drive
     from intervis.errors import DriveError
     from intervis.files import write_text
     from intervis.run.stream import selected_frames
-    from intervis.uses.objects import agreement_table, object_table, objects_of_frame
+    from intervis.uses.objects import (
+        agreement_table,
+        object_csv,
+        object_table,
+        objects_of_frame,
+    )
     from intervis.uses.registration import registered_scene
 
     drive = open_drive(source, camera=camera)
@@ -67,9 +73,8 @@ def objects(
                     from intervis.plots.style import save_figure
                     from intervis.uses.object_figure import object_picture
 
-                    save_figure(
-                        object_picture(frame, of_frame), picture, picture.suffix[1:].lower()
-                    )
+                    figure = object_picture(frame, of_frame, viewpoint)
+                    save_figure(figure, picture, picture.suffix[1:].lower())
                     drawn = True
             advance(f"frame {number}")
     if not found:
@@ -79,7 +84,7 @@ def objects(
     if agreement.rows:
         show("\n" + agreement.as_text())
     if csv is not None:
-        write_text(csv, table.as_csv())
+        write_text(csv, object_csv(found))
     if json_file is not None:
         import json
 

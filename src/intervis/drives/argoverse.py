@@ -129,6 +129,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         metadata_files=(*sorted((root / "calibration").glob("*.feather")), *pose_files),
         read=reader,
         scanner="up_lidar",
+        ego_from_velo=reader.ego_from_velo("up_lidar"),
         is_deskewed=True,  # the points of a sweep are in the vehicle frame at its time
         read_other_scans=_OtherScans(reader, tuple(time_ns for time_ns, _ in sweeps)),
         read_boxes=_Boxes(

@@ -70,6 +70,8 @@ class Drive:
         Reads the scans of the other scanners at the moment of a frame.
     read_boxes : function of a frame number to tuple of Box, or None
         Reads the boxes of the objects at the moment of a frame.
+    ego_from_velo : (4, 4) float64 array or None
+        The vehicle's frame from the scanner's, where the drive says how the scanner is mounted.
     is_deskewed : bool
         Whether the files hold points that were moved to the time of their scan already.
     frame_numbers : tuple of int
@@ -92,6 +94,7 @@ class Drive:
     scanner: str = ""
     read_other_scans: Callable[[int], tuple[ScannerScan, ...]] | None = None
     read_boxes: Callable[[int], tuple[Box, ...]] | None = None
+    ego_from_velo: Float64Array | None = None
     is_deskewed: bool = False
     frame_numbers: tuple[int, ...] = field(init=False)
 

@@ -141,6 +141,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         ),
         read=_SceneReader(there),
         scanner=main.name,
+        ego_from_velo=_ego_from_velo(next(iter(there.values()))),
         read_other_scans=_OtherScans(there, others) if others else None,
         read_boxes=_Boxes(folder, there) if (folder / "sample_annotation.json").is_file() else None,
     )
@@ -149,9 +150,12 @@ def read_drive(root: Path, camera: str | None) -> Drive:
 # --- scanners ---
 
 
+def _ego_from_velo(sweep: Sweep) -> Float64Array:
+    return sweep.ego_from_sensor @ sensor_from_velo(sweep.ego_from_sensor)
+
+
 def _world_from_velo(sweep: Sweep) -> Float64Array:
-    axes = sensor_from_velo(sweep.ego_from_sensor)
-    return sweep.world_from_ego @ sweep.ego_from_sensor @ axes
+    return sweep.world_from_ego @ _ego_from_velo(sweep)
 
 
 def _read(sweep: Sweep) -> Scan:

@@ -23,6 +23,9 @@ from intervis.sight.kernels.terrain import (
     slope_filter,
 )
 
+LEAST_BELOW_M = 0.2
+"""A scan shows ground only if some of it lies so far below the scanner."""
+
 
 def ground_map_of(level: Float64Array, kept: IntArray) -> Float32Array:
     """Height of the ground around the sensor.
@@ -61,6 +64,26 @@ def ground_map_of(level: Float64Array, kept: IntArray) -> Float32Array:
     return height
 
 
+def shown_ground(scans: PackedScans, nth: int) -> Float64Array:
+    """Middles (K, 2) of the cells where the n-th scan shows the ground; scene frame, metres.
+
+    None where all of it lies less than `LEAST_BELOW_M` below the scanner: the hits of level beams
+    on walls are no ground.
+    """
+    ground_m = scans.ground[nth]
+    shown = ground_m > -0.5 * ASSUMED_OFFSET_M
+    if not (ground_m[shown] < -LEAST_BELOW_M).any():
+        return np.empty((0, 2))
+    middles = (np.argwhere(shown) + 0.5 - CELLS // 2) * CELL_M
+    return np.asarray(scans.position[nth, :2] + middles)
+
+
+def nearest_scans(scans: PackedScans, xy: Float64Array) -> IntArray:
+    """Index (N,) of the scan whose scanner is nearest to points (N, 2) of the scene."""
+    to_scans = np.linalg.norm(xy[:, None] - scans.position[None, :, :2], axis=2)
+    return np.asarray(to_scans.argmin(axis=1))
+
+
 def ground_height(scans: PackedScans, xy: Float64Array) -> Float64Array:
     """Height (N,) of the ground below points (N, 2) of the scene, by the nearest scan; metres.
 
@@ -69,8 +92,7 @@ def ground_height(scans: PackedScans, xy: Float64Array) -> Float64Array:
     """
     finite = np.asarray(np.isfinite(xy).all(axis=1))
     xy = np.where(finite[:, None], xy, 0.0)
-    to_scans = np.linalg.norm(xy[:, None] - scans.position[None, :, :2], axis=2)
-    nearest = to_scans.argmin(axis=1)
+    nearest = nearest_scans(scans, xy)
     from_sensor = xy - scans.position[nearest, :2]
     cell = np.floor((from_sensor + BORDER_M) / CELL_M) + CELLS // 2
     a, b = np.clip(cell, 0, CELLS - 1).astype(np.int64).T

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from intervis.arrays import Float64Array, finite_rows
+from intervis.arrays import Float64Array, checked_point, finite_rows
 from intervis.plots.figures import draw_image, pixels_of
 from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, dots, page_figure
 from intervis.transform import transform
@@ -25,26 +26,30 @@ SHOWN_M = 5.0
 """Objects within the first length are drawn; the view from above has that much around them."""
 
 
-def object_picture(frame: "Frame", objects: Sequence["ObjectSight"]) -> "Figure":
+def object_picture(
+    frame: "Frame", objects: Sequence["ObjectSight"], viewpoint: ArrayLike
+) -> "Figure":
     """The boxes of a frame: over its image, if it has one, and from above.
 
-    Blue: at least half visible; red: at least half occluded; black: else.
+    Blue: at least half visible; red: at least half occluded; black: else. A star stands at the
+    viewpoint (3,): sensor frame, metres.
 
     Raises
     ------
     MissingExtraError
         matplotlib or Pillow (extra ``plots``) is not installed.
     """
+    star = checked_point(viewpoint)[:2]
     near = [one for one in objects if one.range_m < FARTHEST_M] or list(objects[:1])
     camera = frame.camera
     if camera is None or frame.image_path is None:
         with page_figure(4.5) as (figure, axes):
-            _draw_above(axes, frame, near)
+            _draw_above(axes, frame, near, star)
             return figure
     image_in = 0.4 + 6.2 * camera.height_px / camera.width_px
     with page_figure(image_in + 4.2, nrows=2, height_ratios=[image_in, 4.2]) as (figure, axes):
         _draw_over_image(axes[0], frame, near)
-        _draw_above(axes[1], frame, near)
+        _draw_above(axes[1], frame, near, star)
         return figure
 
 
@@ -80,7 +85,9 @@ def _draw_over_image(axes: Any, frame: "Frame", objects: Sequence["ObjectSight"]
     axes.set_title(f"{len(objects)} object{many} of frame {frame.number}")
 
 
-def _draw_above(axes: Any, frame: "Frame", objects: Sequence["ObjectSight"]) -> None:
+def _draw_above(
+    axes: Any, frame: "Frame", objects: Sequence["ObjectSight"], star: Float64Array
+) -> None:
     points = frame.points[finite_rows(frame.points)]
     dots(axes, points, s=0.6, color=FAINT)
     for one in objects:
@@ -88,8 +95,8 @@ def _draw_above(axes: Any, frame: "Frame", objects: Sequence["ObjectSight"]) -> 
         axes.plot(*corners.T, color=_colour(one), linewidth=0.9)
         x, y = corners[:4].mean(axis=0)
         _write(axes, x, y, one)
-    dots(axes, np.zeros((1, 2)), marker="*", s=40, color=INK)
-    places = np.array([one.box.velo_from_box[:2, 3] for one in objects] + [np.zeros(2)])
+    dots(axes, star[None], marker="*", s=40, color=INK)
+    places = np.array([one.box.velo_from_box[:2, 3] for one in objects] + [star])
     low, high = places.min(axis=0) - SHOWN_M, places.max(axis=0) + SHOWN_M
     axes.set(
         xlim=(low[0], high[0]),

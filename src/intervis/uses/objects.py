@@ -1,5 +1,7 @@
 """Labelled objects of a frame: which share of each a viewpoint sees, and what hides the rest."""
 
+import csv
+import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -178,6 +180,30 @@ def object_table(objects: Iterable[ObjectSight]) -> Table:
         for one in objects
     )
     return Table("Objects", heads, rows)
+
+
+def object_csv(objects: Iterable[ObjectSight]) -> str:
+    """One line for each object, with the names and numbers of `ObjectSight.to_json`.
+
+    Places take three columns, as in ``centre_x``; what is not known is empty.
+    """
+    rows = [_flat(one.to_json()) for one in objects]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _flat(numbers: dict[str, Any]) -> dict[str, Any]:
+    """Plain numbers with a column for each coordinate of a place."""
+    flat: dict[str, Any] = {}
+    for name, value in numbers.items():
+        if isinstance(value, list):
+            flat |= {f"{name}_{axis}": part for axis, part in zip("xyz", value, strict=True)}
+        else:
+            flat[name] = value
+    return flat
 
 
 def agreement_table(objects: Sequence[ObjectSight]) -> Table:

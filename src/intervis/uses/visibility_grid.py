@@ -4,15 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray, checked_point, finite_rows
 from intervis.errors import SettingsError
 from intervis.sight import UNKNOWN, Scene
+from intervis.sight.ground_map import nearest_scans, shown_ground
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import positive_length
 
 MOST_CELLS = 4_000_000
 """Cells of a grid at most: some 300 MB while it is answered."""
+
+GROUND_WITHIN_M = 20.0
+"""Cells are judged where a scan shows the ground within this distance."""
 
 OBSTACLE_M = (0.3, 2.5)
 """Heights above ground of returns that fill a cell."""
@@ -37,7 +42,8 @@ class VisibilityGrid:
     blocker : (I, J, 3) float64 array
         As in `intervis.Sight`.
     ground_m : (I, J) float64 array
-        Height of the ground in the scene's frame; NaN where none is known.
+        Height of the ground in the scene's frame; NaN where the nearest scan shows none within
+        `GROUND_WITHIN_M`.
     obstacle : (I, J) bool array
         Cells with returns at heights of obstacles.
     """
@@ -113,7 +119,7 @@ def visibility_grid(
     corner = start[:2] - 0.5 * count * cell_m
     i, j = np.indices((count, count)).reshape(2, -1)
     xy = corner + (np.column_stack([i, j]) + 0.5) * cell_m
-    ground_m = scene.ground_height(xy)
+    ground_m = np.where(_near_ground(scene, xy), scene.ground_height(xy), np.nan)
     targets = np.column_stack([xy, ground_m + height_m])  # NaN without ground: unknown
     sight = scene.sight(start, targets, risk=risk, moment_s=moment_s)
     shape = (count, count)
@@ -128,6 +134,19 @@ def visibility_grid(
         ground_m.reshape(shape),
         _obstacles(returns, scene, corner, cell_m, count),
     )
+
+
+def _near_ground(scene: Scene, xy: Float64Array) -> BoolArray:
+    """Points (N, 2) that have ground, shown by the nearest scan, within `GROUND_WITHIN_M`."""
+    scans = scene.packed_scans()
+    nearest, near = nearest_scans(scans, xy), np.zeros(len(xy), np.bool_)
+    for nth in np.unique(nearest).tolist():
+        shown = shown_ground(scans, nth)
+        if len(shown):
+            mine = np.flatnonzero(nearest == nth)
+            distance_m, _ = cKDTree(shown).query(xy[mine], distance_upper_bound=GROUND_WITHIN_M)
+            near[mine] = np.isfinite(distance_m)
+    return near
 
 
 def _obstacles(

@@ -11,6 +11,7 @@ from intervis.errors import SettingsError
 
 if TYPE_CHECKING:
     from intervis.drives import Drive
+    from intervis.lab.speed.timing import Work
 
 
 def bench(
@@ -48,18 +49,12 @@ def bench(
 
     if rounds < LEAST_ROUNDS:
         raise SettingsError(f"--rounds must be {LEAST_ROUNDS} or more, got {rounds}.")
-    check_output_file(json)
+    check_output_file(json, [source, compare])
     earlier = None if compare is None else read_earlier(compare)
     with tempfile.TemporaryDirectory() as folder:
         drive = _drive(source, Path(folder))
         number = drive.frame_numbers[0] if frame is None else frame
-        works = [
-            work
-            for work in works_of(question_of(drive, number))
-            if only is None or only in f"{work.group}, {work.by}"
-        ]
-        if not works:
-            raise SettingsError(f"no work has a name with {only!r}: run once without --only.")
+        works = _works_with(only, list(works_of(question_of(drive, number))))
         with progress("timing", len(works) * (rounds + 1)) as advance:
             timings = interleaved(works, rounds, progress=advance)
     on, versions = machine(), version_numbers()
@@ -73,6 +68,15 @@ def bench(
     if json is not None:
         head = {"drive": drive.name, "frame": number, "machine": on, "versions": versions}
         write_text(json, as_json(timings, head))
+
+
+def _works_with(text: str | None, works: "list[Work]") -> "list[Work]":
+    """The works whose group or tool holds a text; all of them without one."""
+    found = [work for work in works if text is None or text in f"{work.group}, {work.by}"]
+    if not found:
+        groups = "; ".join(dict.fromkeys(work.group for work in works))
+        raise SettingsError(f"no work has a name with {text!r}; the groups are: {groups}.")
+    return found
 
 
 def _drive(source: Path | None, folder: Path) -> "Drive":

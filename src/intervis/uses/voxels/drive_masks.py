@@ -54,9 +54,13 @@ class MaskSettings:
     classes: Mapping[int, int] | None = None
 
 
-def drive_cameras(source: str | os.PathLike[str], drive: Drive) -> dict[str, Drive]:
-    """The drive opened with each of its cameras, by the camera's name."""
+def drive_cameras(
+    source: str | os.PathLike[str], drive: Drive, *, only_selected: bool = False
+) -> dict[str, Drive]:
+    """The drive opened with each of its cameras, or with the selected one, by the camera's name."""
     names = drive.camera_names if drive.camera_name else ()
+    if only_selected and drive.camera_name:
+        names = (drive.camera_name,)
     opened = {drive.camera_name: drive}
     return {name: opened.get(name) or open_drive(source, camera=name) for name in names}
 

@@ -15,12 +15,18 @@ if TYPE_CHECKING:
 COLOURS = (INTERVISIBLE, INK, NODE, FAINT)
 """Of the states free, occupied, occluded and unknown."""
 LEVEL_M = -0.9
-"""Height of the level slice in the frame of the grid: some 0.8 m above the road for a roof scanner,
-unless the grid does not reach there."""
+"""Height of the level slice above the scanner: some 0.8 m above the road for one on a roof, unless
+the grid does not reach there."""
 
 
-def mask_picture(masks: Masks, *, level_m: float = LEVEL_M) -> "Figure":
+def mask_picture(masks: Masks, *, scanner_m: float) -> "Figure":
     """The states of the voxels at one height, and on the upright plane through y = 0.
+
+    Parameters
+    ----------
+    masks : Masks
+    scanner_m : float
+        Height of the scanner in the frame of the grid; the level slice lies 0.9 m below it.
 
     Raises
     ------
@@ -28,7 +34,7 @@ def mask_picture(masks: Masks, *, level_m: float = LEVEL_M) -> "Figure":
         matplotlib (extra ``plots``) is not installed.
     """
     grid = masks.grid
-    index, _ = grid.index_of(np.array([[0.0, 0.0, level_m]]))
+    index, _ = grid.index_of(np.array([[0.0, 0.0, scanner_m + LEVEL_M]]))
     _, j, k = np.clip(index[0], 0, np.array(grid.shape) - 1)
     low, high = grid.corner, grid.upper
     centre = grid.centre_of([0, j, k])

@@ -3,6 +3,7 @@
 from __future__ import annotations  # help() shows the names of the array types
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import intervis
@@ -16,7 +17,9 @@ METADATA_NAME = "masks.json"
 MADE_BY = "intervis masks"
 
 
-def check_folder(out: Path, drive: Drive, layout: str, settings: MaskSettings) -> str:
+def check_folder(
+    out: Path, drive: Drive, layout: str, settings: MaskSettings, cameras: Iterable[str]
+) -> str:
     """Check before the work that masks can be written into a folder.
 
     Returns
@@ -27,9 +30,9 @@ def check_folder(out: Path, drive: Drive, layout: str, settings: MaskSettings) -
     Raises
     ------
     OutputError
-        It holds other files, or masks of another drive, layout or definition.
+        It holds other files, or masks of another drive, layout, definition or of other cameras.
     """
-    text = json.dumps(_metadata(drive, layout, settings), indent=1) + "\n"
+    text = json.dumps(_metadata(drive, layout, settings, cameras), indent=1) + "\n"
     path = out / METADATA_NAME
     refuse_links(path)
     try:
@@ -43,8 +46,8 @@ def check_folder(out: Path, drive: Drive, layout: str, settings: MaskSettings) -
         raise OutputError(f"{out} holds files of something else: choose a new or empty folder.")
     if before is not None and before != text:
         raise OutputError(
-            f"{out} holds masks of another drive, layout, definition or grid (see"
-            f" {METADATA_NAME}): choose another folder."
+            f"{out} holds masks of another drive, layout, definition or grid, or of other cameras"
+            f" (see {METADATA_NAME}): choose another folder."
         )
     return text
 
@@ -61,13 +64,16 @@ def claim_folder(out: Path, text: str) -> None:
     write_text(out / METADATA_NAME, text)
 
 
-def _metadata(drive: Drive, layout: str, settings: MaskSettings) -> dict[str, object]:
+def _metadata(
+    drive: Drive, layout: str, settings: MaskSettings, cameras: Iterable[str]
+) -> dict[str, object]:
     classes = settings.classes
     return {
         "made_by": MADE_BY,
         "version": intervis.__version__,
         "drive": drive.fingerprint(),
         "layout": layout,
+        "cameras": sorted(cameras),
         "definition": settings.definition,
         "later": settings.later,
         "keep_moving": settings.keep_moving,
