@@ -166,9 +166,10 @@ def test_a_survey(street: Path) -> None:
     assert set(moments_s.ravel().tolist()) == {0.0, 0.2}
     check_route_in_survey(survey, route)
     away = Route.through([[0, 0, 0], [0, 200, 0]])
-    with pytest.raises(SceneError, match=r"leaves the scans at chainage 61 m, .* 61 m away"):
+    with pytest.raises(SceneError, match=r"at chainage 61 m, .* 61.0 m away, and 60 m are"):
         check_route_in_survey(survey, away)
-    with pytest.raises(SceneError, match="the scans show the road along 0 % of the route"):
+    check_route_in_survey(survey, Route.through([[0, 0, 0], [0, 60.0 + 1e-9, 0]]))
+    with pytest.raises(SceneError, match=r"along 0 % of the route only, and 30 % .*--mount"):
         route_on_road(survey_of(drive, Route.through([[0, 80, 0], [9, 80, 0]])), away)
 
 
@@ -195,6 +196,19 @@ def test_the_command(street: Path, tmp_path: Path, capsys) -> None:
     }
     assert seen == {"post": 1, "child": 0}
     assert outputs["--picture"].stat().st_size > 10_000
+
+
+def test_the_command_takes_the_ways_of_sight_distance(street: Path, tmp_path: Path) -> None:
+    targets = tmp_path / "t.csv"
+    targets.write_text("name,x,y,z\nkerb,-30,3,-0.5\nahead,20,-3,1.2\n")
+    sightings, picture = tmp_path / "s.csv", tmp_path / "s.png"
+    command = ["route", str(street), "--targets", str(targets), "--csv", str(sightings)]
+    ways = ["--back", "--extend", "8", "--offset", "-2", "--eye", "1.2", "--mount", "1.7"]
+    assert exit_code([*command, *ways, "--picture", str(picture)]) == 0
+    rows = {row["target"]: row for row in csv.DictReader(sightings.read_text().splitlines())}
+    # The eye starts at (20, -2, 1.2), 8 m beyond the last scan, and travels to (0, -2, 1.2).
+    assert float(rows["ahead"]["first_range_m"]) == pytest.approx(1.0, abs=0.01)
+    assert float(rows["ahead"]["last_range_m"]) == pytest.approx(np.hypot(20, 1), abs=0.01)
 
 
 def test_the_command_with_zones(street: Path, tmp_path: Path, capsys) -> None:
@@ -224,6 +238,7 @@ def test_the_command_with_zones(street: Path, tmp_path: Path, capsys) -> None:
         (["--targets", "t.csv", "--shares", "s.csv"], "--shares writes the shares of zones"),
         (["--targets", "t.csv", "--moments", "any"], "--moments must be one of map, pose"),
         (["--targets", "t.csv", "--least", "2"], "--least must be a share"),
+        (["--targets", "t.csv", "--mount", "1.7"], "--mount tells where the road below --eye is"),
         (["--targets", "t.csv", "--eye", "nan"], "--eye must be from 0 to 100 m, got nan"),
         (["--targets", "nothing.csv"], "there are no targets at nothing.csv"),
         (["--targets", "nothing.csv", "--route", "no.txt"], "there is no route at no.txt"),
