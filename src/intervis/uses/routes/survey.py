@@ -166,6 +166,8 @@ def _spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
     if not (math.isfinite(spacing_m) and spacing_m >= 0.0):
         raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m}.")
     poses = drive.poses or {}
+    if not poses:
+        raise DriveError(f"{drive.name} has no poses, which put its scans into one scene.")
     kept: list[int] = []
     for number in numbers:
         if number not in poses:
