@@ -9,6 +9,8 @@ from pathlib import Path
 
 from browser import Browser, missing_program
 
+LAYERS = "return [...document.querySelectorAll('.chip.layer')].map((one) => one.classList[2])"
+
 
 def main() -> int:
     """Take one picture; returns the exit code."""
@@ -20,7 +22,7 @@ def main() -> int:
     parser.add_argument("--dark", action="store_true")
     parser.add_argument("--frame", type=int, help="frame number")
     parser.add_argument("--return", dest="row", type=int, help="row of the return to select")
-    parser.add_argument("--switch", action="append", default=[], help="layer to switch")
+    parser.add_argument("--switch", action="append", default=[], help="layer to show or hide")
     asked = parser.parse_args()
     reason = missing_program()
     if reason is not None:
@@ -30,6 +32,11 @@ def main() -> int:
     place = "&".join(f"{name}={value}" for name, value in choice.items() if value is not None)
     with Browser(asked.width, asked.height, is_dark=asked.dark) as browser:
         browser.open(f"{asked.page.resolve().as_uri()}#{place}")
+        layers = browser.run(LAYERS)
+        unknown = [layer for layer in asked.switch if layer not in layers]
+        if unknown:
+            print(f"there is no layer {unknown[0]!r}: {', '.join(layers)}.", file=sys.stderr)
+            return 2
         for layer in asked.switch:
             browser.run("document.querySelector(arguments[0]).click()", f".chip.layer.{layer}")
         browser.screenshot(asked.picture, whole_page=True)

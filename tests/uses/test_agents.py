@@ -15,8 +15,9 @@ from intervis.errors import CalibrationError, DriveError, PointsError, SettingsE
 from intervis.sight import Scene
 from intervis.transform import rigid
 from intervis.uses.agents.agent_file import labelled_agents, read_agents, scanner_agent
+from intervis.uses.agents.agents_figure import agents_picture
 from intervis.uses.agents.agents_table import frames_as_csv, matrix_table, pairs_of
-from intervis.uses.agents.mutual_sight import ABSENT, REASONS, Agent, mutual_sight
+from intervis.uses.agents.mutual_sight import ABSENT, REASONS, Agent, MutualSight, mutual_sight
 from intervis.uses.routes.survey import has_times, scene_of_drive
 
 
@@ -214,7 +215,53 @@ def test_the_command(street: Path, tmp_path: Path, capsys) -> None:
     assert exit_code(["agents", str(street)]) == 2
     assert "give agents as --agents FILE.csv" in capsys.readouterr().err
     assert exit_code(["agents", str(street), "--labelled"]) == 2
-    assert "has such labelled objects" in capsys.readouterr().err
+    assert "street has no labelled objects in these frames" in capsys.readouterr().err
+    assert "P of the line" in out
+
+
+def test_a_drive_without_poses_is_told(tmp_path: Path, capsys) -> None:
+    drive = posed_street.write(tmp_path / "street", count=1)
+    (drive / "poses.txt").unlink()
+    assert exit_code(["agents", str(drive), "--labelled"]) == 2
+    assert "street has no poses, which put its scans" in capsys.readouterr().err
+
+
+@pytest.mark.realdata
+def test_categories_that_are_not_there_are_told(shared_data: Path, capsys) -> None:
+    (log,) = (shared_data / "av2" / "val").iterdir()
+    command = ["agents", str(log), "--labelled", "--category", "CAR", "--frames", "0:1"]
+    assert exit_code(command) == 2
+    error = capsys.readouterr().err
+    assert "has no labelled CAR: choose from BICYCLE, BOLLARD" in error
+    assert "VEHICULAR_TRAILER." in error
+
+
+def many(count: int) -> MutualSight:
+    """Agents in a row that see each other."""
+    shape = (1, count, count)
+    eyes = np.column_stack([4.0 * np.arange(count), np.zeros(count), np.ones(count)])
+    return MutualSight(
+        *(tuple(f"walker {nth}" for nth in range(count)), np.array([0]), np.array([0.0])),
+        *(eyes[None], np.zeros(shape, np.int8), np.ones(shape), np.ones(shape)),
+        np.full((*shape, 3), np.nan),
+    )
+
+
+@pytest.mark.parametrize(("count", "named"), [(12, "walker 3"), (13, "3"), (25, "3")])
+def test_many_agents_have_numbers_in_the_picture(count: int, named: str) -> None:
+    pytest.importorskip("matplotlib")
+    figure = agents_picture(many(count), np.zeros((0, 3)))
+    plan, matrix = figure.axes
+    assert named in {text.get_text() for text in plan.texts}
+    rows = [tick.get_text() for tick in matrix.get_yticklabels()]
+    assert rows[3] == ("walker 3" if count == 12 else "walker 3  3")
+    figure.canvas.draw()
+    box = plan.get_window_extent()
+    for text in plan.texts:
+        extent = text.get_window_extent()
+        assert box.x0 <= extent.x0
+        assert extent.x1 <= box.x1
+    assert not plan.get_legend().get_window_extent().overlaps(box.padded(-1.0))
 
 
 @pytest.mark.realdata

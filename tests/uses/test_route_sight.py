@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from intervis import open_drive
 from intervis.cli import exit_code
 from intervis.errors import DriveError, PointsError, SceneError, SettingsError
+from intervis.plots.style import INK
 from intervis.sight import VISIBLE, Scene
 from intervis.uses.routes.route import Route
 from intervis.uses.routes.route_answer import targets_along, zones_along
+from intervis.uses.routes.route_figure import route_picture
 from intervis.uses.routes.route_file import route_of_drive
 from intervis.uses.routes.route_sight import OUT_OF_RANGE, route_sight, sightings, zone_sight
 from intervis.uses.routes.survey import (
@@ -166,9 +168,10 @@ def test_a_survey(street: Path) -> None:
     assert set(moments_s.ravel().tolist()) == {0.0, 0.2}
     check_route_in_survey(survey, route)
     away = Route.through([[0, 0, 0], [0, 200, 0]])
-    with pytest.raises(SceneError, match=r"leaves the scans at chainage 61 m, .* 61 m away"):
+    with pytest.raises(SceneError, match=r"at chainage 61 m, .* 61.0 m away, and 60 m are"):
         check_route_in_survey(survey, away)
-    with pytest.raises(SceneError, match="the scans show the road along 0 % of the route"):
+    check_route_in_survey(survey, Route.through([[0, 0, 0], [0, 60.0 + 1e-9, 0]]))
+    with pytest.raises(SceneError, match=r"along 0 % of the route only, and 30 % .*--mount"):
         route_on_road(survey_of(drive, Route.through([[0, 80, 0], [9, 80, 0]])), away)
 
 
@@ -195,6 +198,51 @@ def test_the_command(street: Path, tmp_path: Path, capsys) -> None:
     }
     assert seen == {"post": 1, "child": 0}
     assert outputs["--picture"].stat().st_size > 10_000
+
+
+def test_the_command_takes_the_ways_of_sight_distance(street: Path, tmp_path: Path) -> None:
+    targets = tmp_path / "t.csv"
+    targets.write_text("name,x,y,z\nkerb,-30,3,-0.5\nahead,20,-3,1.2\n")
+    sightings, picture = tmp_path / "s.csv", tmp_path / "s.png"
+    command = ["route", str(street), "--targets", str(targets), "--csv", str(sightings)]
+    ways = ["--back", "--extend", "8", "--offset", "-2", "--eye", "1.2", "--mount", "1.7"]
+    assert exit_code([*command, *ways, "--picture", str(picture)]) == 0
+    rows = {row["target"]: row for row in csv.DictReader(sightings.read_text().splitlines())}
+    # The eye starts at (20, -2, 1.2), 8 m beyond the last scan, and travels to (0, -2, 1.2).
+    assert float(rows["ahead"]["first_range_m"]) == pytest.approx(1.0, abs=0.01)
+    assert float(rows["ahead"]["last_range_m"]) == pytest.approx(np.hypot(20, 1), abs=0.01)
+
+
+@pytest.mark.parametrize("count", [40, 41])
+def test_many_targets_are_drawn_as_shares(scene: Scene, count: int) -> None:
+    pytest.importorskip("matplotlib")
+    targets = np.column_stack([np.linspace(2, 40, count), np.full(count, -3.0), np.full(count, 1)])
+    answer = targets_along(scene, ROUTE, [f"t{n}" for n in range(count)], targets, max_range_m=30.0)
+    plan, chart = route_picture(answer, np.zeros((0, 3))).axes
+    figure = plan.figure
+    figure.canvas.draw()
+    legend, title = plan.get_legend().get_window_extent(), plan._left_title.get_window_extent()
+    assert not legend.overlaps(title)
+    assert len(plan.texts) == (count if count == 40 else 0)
+    if count == 40:
+        assert [tick.get_text() for tick in chart.get_yticklabels()] == list(answer.names)
+        return
+    assert chart.get_title(loc="left").endswith("share of 41 targets")
+    visible = chart.collections[3].get_paths()[0].vertices  # after three marks of the legend
+    top = {x: visible[visible[:, 0] == x, 1].max() for x in answer.chainage_m}
+    share = 100.0 * (answer.state == VISIBLE).mean(axis=1)
+    np.testing.assert_allclose([top[x] for x in answer.chainage_m], share)
+    assert 0 < share.min() < 100
+
+
+def test_the_visible_share_of_zones_is_a_dark_line(scene: Scene) -> None:
+    pytest.importorskip("matplotlib")
+    zone = Zone("kerb", [[14, -2], [18, -2], [18, 0], [14, 0]])
+    answer = zones_along(scene, ROUTE, [zone])
+    _, chart = route_picture(answer, np.zeros((0, 3))).axes
+    line = chart.lines[-1]
+    np.testing.assert_allclose(line.get_ydata(), 0.42 - 0.84 * answer.shares["visible"][:, 0])
+    assert line.get_color() == INK
 
 
 def test_the_command_with_zones(street: Path, tmp_path: Path, capsys) -> None:
@@ -224,6 +272,7 @@ def test_the_command_with_zones(street: Path, tmp_path: Path, capsys) -> None:
         (["--targets", "t.csv", "--shares", "s.csv"], "--shares writes the shares of zones"),
         (["--targets", "t.csv", "--moments", "any"], "--moments must be one of map, pose"),
         (["--targets", "t.csv", "--least", "2"], "--least must be a share"),
+        (["--targets", "t.csv", "--mount", "1.7"], "--mount tells where the road below --eye is"),
         (["--targets", "t.csv", "--eye", "nan"], "--eye must be from 0 to 100 m, got nan"),
         (["--targets", "nothing.csv"], "there are no targets at nothing.csv"),
         (["--targets", "nothing.csv", "--route", "no.txt"], "there is no route at no.txt"),

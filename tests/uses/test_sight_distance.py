@@ -45,6 +45,7 @@ from intervis.uses.routes.sight_distance_table import (
     geojson_of,
     hidden_stretches,
     stations_of,
+    summary,
     worst_stations,
 )
 from intervis.uses.routes.sight_standard import (
@@ -197,6 +198,19 @@ def test_unknown_is_never_visible() -> None:
     assert worst_stations(found, 5) == [6, 2]
 
 
+def test_the_end_of_the_path_is_told_where_it_alone_leaves_it_open() -> None:
+    rows = [[1, 1, -2, -2], [1, -1, -2, -2], [1, 1, -2, -2], [1, 1, -1, 1]]
+    found = straight(rows, required_m=15.0)
+    ends_m = found.road.length_m - np.array([12.0, 12.0, 15.0, 12.0])
+    found = replace(found, chainage_m=ends_m)
+    assert found.verdict.tolist() == ["undecided"] * 4
+    assert found.ends_early.tolist() == [True, False, False, False]
+    assert summary(found).endswith(
+        "4 undecided. 1 of the undecided see all of the path, which ends before the required"
+        " distance: --extend M continues it."
+    )
+
+
 def test_short_stretches_can_be_ignored() -> None:
     rows = [[1, 0, 1, 1], [1, 0, 0, 1], [1, 1, 1, 0]]
     assert straight(rows, 15.0, ignore_m=6.0).seen_m.tolist() == [20, 5, 15]  # the last has no end
@@ -315,7 +329,7 @@ def test_an_envelope_takes_the_worst_line() -> None:
     ("arguments", "error", "message"),
     [
         ({}, SettingsError, "the route has no speeds: give one"),
-        ({"speed_mps": -5.0}, SettingsError, "the speed must be above 0 and up to 100 m/s"),
+        ({"speed_mps": -5.0}, SettingsError, r"up to 360 km/h, got -18 km/h"),
         ({"speed_mps": float("nan")}, SettingsError, "the speed must be above 0"),
         ({"speed_mps": 5.0, "ignore_m": -1.0}, SettingsError, "ignore_m must be 0 or more"),
         ({"speed_mps": 5.0, "step_m": 0.0}, SettingsError, "the step must be a positive"),
@@ -387,8 +401,8 @@ def test_the_command(street: Path, tmp_path: Path, capsys) -> None:
         (["--object", "20"], "object heights must be from 0 to 10 m, got 20"),
         (["--braking", "3"], "braking must be from 0.02 to 1, as a share of gravity, got 3"),
         (["--reaction", "-1"], "the reaction time must be from 0 to 10 s"),
-        ([], "the route has no speeds: give one for the whole of it"),
-        (["--speed", "0"], "the speed must be above 0"),
+        ([], "the route has no speeds: give one for the whole of it (--speed KM/H)"),
+        (["--speed", "-3"], "the speed must be above 0 and up to 360 km/h, got -3 km/h"),
         (["--hz", "0"], "the scans a second must be positive, got 0"),
         (["--mount", "nan"], "the height of the route must be a finite number"),
         (["--moments", "now"], "--moments must be one of map, pose, any"),

@@ -190,6 +190,64 @@ def test_the_charts_follow_the_timeline(opened):
         assert float(opened.run(value)) == pytest.approx(opened.run(share, index), abs=0.051)
 
 
+def test_a_return_that_is_not_stored_gives_the_nearest_and_says_so(opened, page):
+    rows = opened.run("return [...window.intervis.frame.verdicts.columns.row]")
+    gap = next(row for row in range(rows[0], rows[-1]) if row not in set(rows))
+    shown = (
+        "const { intervis } = window; return [intervis.frame.number, intervis.line?.row ?? null,"
+    )
+    shown += " document.getElementById('message').textContent]"
+    nearest = min(rows, key=lambda row: abs(row - gap))
+    for place, expected in (
+        (f"frame=0&return={rows[3]}", [0, rows[3], ""]),
+        (
+            f"frame=0&return={gap}",
+            [0, nearest, f"The page holds no return {gap}; this is the nearest, return"],
+        ),
+        ("frame=7", [2, None, "The page holds no frame 7; this is the nearest, frame 2."]),
+        ("frame=0&return=x", [0, None, "The page holds no return x."]),
+    ):
+        opened.open(f"{page.as_uri()}?{place}#{place}")  # another hash alone loads nothing
+        number, row, message = opened.run(shown)
+        assert [number, row] == expected[:2]
+        assert message.startswith(expected[2])
+        assert bool(message) == bool(expected[2])
+
+
+def test_the_ends_of_an_axis_differ(opened):
+    code = (PAGE / "charts.js").read_text().replace("export ", "")
+    frames = [
+        {"visible": 1000, "occluded": 10, "unknown": 10, "lines": [{"probability": 0.9141}]},
+        {"visible": 1000, "occluded": 10, "unknown": 11, "lines": [{"probability": 0.9142}]},
+    ]
+    captions, ends = opened.run(
+        f"{code}; const parent = document.createElement('div');"
+        " new Charts(parent, arguments[0], [0, 1], () => {}).show(0);"
+        " const texts = (name) => [...parent.querySelectorAll(name)].map((one) => one.textContent);"
+        " return [texts('figcaption'), texts('svg text').filter((_, k) => k % 4 < 2)]",
+        frames,
+    )
+    assert captions[-1] == "line 1, P(visible), % 91.410"
+    assert ends[-2:] == ["91.410", "91.420"]
+    assert all(low != high for low, high in zip(ends[::2], ends[1::2], strict=True))
+
+
+def test_a_picture_of_a_page_refuses_unknown_layers(tool, page, tmp_path, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(TOOLS))
+    module = importlib.import_module("page_screenshot")
+    picture = tmp_path / "p.png"
+    words = ["page_screenshot", str(page), str(picture), "--switch"]
+    monkeypatch.setattr("sys.argv", [*words, "blind-spots"])
+    assert module.main() == 2
+    assert (
+        "no layer 'blind-spots': viewpoint, spots, region, mesh, rings." in capsys.readouterr().err
+    )
+    assert not picture.exists()
+    monkeypatch.setattr("sys.argv", [*words, "spots"])
+    assert module.main() == 0
+    assert picture.stat().st_size > 10_000
+
+
 def test_every_explanation_is_that_of_python(opened, drive, scenes):
     rng = np.random.default_rng(7)
     kinds = set()

@@ -118,7 +118,13 @@ def _agents(
     if categories is not None:
         boxes = labelled_agents(drive, numbers, range_m=reach_m, categories=categories)
         if not boxes:
-            raise DriveError(f"no frame of {drive.name} has such labelled objects.")
+            there = sorted({box.category for number in numbers for box in drive[number].boxes})
+            if not there:
+                raise DriveError(f"{drive.name} has no labelled objects in these frames.")
+            raise DriveError(
+                f"{drive.name} has no labelled {' or '.join(categories)}: choose from"
+                f" {', '.join(there)}."
+            )
         found += boxes
     return found
 

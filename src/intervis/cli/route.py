@@ -8,8 +8,12 @@ import typer
 from intervis.cli import options
 from intervis.cli.run import Source
 from intervis.cli.survey import (
+    Back,
+    Extend,
     Frames,
     Hz,
+    Mount,
+    Offset,
     Risk,
     RouteFile,
     SensorName,
@@ -47,6 +51,10 @@ def route(
         ),
     ] = None,
     route_file: RouteFile = None,
+    back: Back = False,
+    offset: Offset = 0.0,
+    extend: Extend = None,
+    mount: Mount = None,
     eye: Annotated[
         float | None,
         typer.Option(
@@ -95,6 +103,8 @@ def route(
         raise SettingsError(f"--moments must be one of {', '.join(MOMENTS)}, got {moments!r}.")
     if eye is not None and not 0.0 <= eye <= HIGHEST_M:
         raise SettingsError(f"--eye must be from 0 to {HIGHEST_M:g} m, got {eye}.")
+    if mount is not None and eye is None:
+        raise SettingsError("--mount tells where the road below --eye is: give --eye, too.")
     if not 0.0 < least <= 1.0:
         raise SettingsError(f"--least must be a share above 0 and up to 1, got {least}.")
     if shares is not None and zones is None:
@@ -109,11 +119,13 @@ def route(
     from intervis.uses.routes.survey import route_on_road
 
     drive = open_drive(source)
-    way = route_of(drive, route_file, hz)
+    way = route_of(drive, route_file, hz, extend, offset)
     survey = read_survey(drive, way, frame_range, spacing, hz, sensor)
+    eye_m = survey.height_above_road(way) if eye is None else eye
     if eye is not None:
-        road = route_on_road(survey, way)
+        road = route_on_road(survey, way, mount)
         way = road.with_heights(road.points[:, 2] + eye)
+    way = way.reversed() if back else way
     answer = _answer(survey, way, targets, zones, least, step, reach, risk, moments)
     show(f"{drive.name}, {len(survey.frames)} scans, route of {way.length_m:.0f} m.")
     rows = answer.rows
@@ -122,7 +134,7 @@ def route(
     if len(rows) > SHOWN_ROWS:
         show(f"and {len(rows) - SHOWN_ROWS} more: --csv writes all.")
     show(answer.summary)
-    _write(answer, drive, survey, outputs)
+    _write(answer, drive, survey, eye_m, outputs)
 
 
 def _answer(
@@ -161,7 +173,11 @@ def _answer(
 
 
 def _write(
-    answer: "RouteAnswer", drive: "Drive", survey: "Survey", outputs: dict[str, Path | None]
+    answer: "RouteAnswer",
+    drive: "Drive",
+    survey: "Survey",
+    eye_m: float,
+    outputs: dict[str, Path | None],
 ) -> None:
     import json
 
@@ -186,9 +202,7 @@ def _write(
         from intervis.plots.style import save_figure
         from intervis.uses.routes.route_figure import route_picture
 
-        figure = route_picture(
-            answer, returns_above(drive, survey.frames), survey.height_above_road(answer.route)
-        )
+        figure = route_picture(answer, returns_above(drive, survey.frames), eye_m)
         save_figure(figure, picture, picture.suffix[1:].lower())
     for name, path in (
         *(("Sightings", csv), ("Shares", shares)),

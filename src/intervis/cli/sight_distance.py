@@ -9,9 +9,12 @@ import typer
 from intervis.cli import options
 from intervis.cli.run import Source
 from intervis.cli.survey import (
+    Back,
+    Extend,
     Frames,
     Hz,
     Mount,
+    Offset,
     Risk,
     RouteFile,
     SensorName,
@@ -55,13 +58,9 @@ def sightdistance(
         float | None, typer.Option(metavar="SHARE", help="Deceleration as a share of gravity.")
     ] = None,
     route_file: RouteFile = None,
-    back: Annotated[bool, typer.Option("--back", help="Travel the route backwards.")] = False,
-    offset: Annotated[
-        float, typer.Option(metavar="M", help="Move the path to the left, metres.")
-    ] = 0.0,
-    extend: Annotated[
-        float | None, typer.Option(metavar="M", help="Continue the route straight at its end.")
-    ] = None,
+    back: Back = False,
+    offset: Offset = 0.0,
+    extend: Extend = None,
     mount: Mount = None,
     step: Annotated[float, typer.Option(metavar="M", help="Distance of the stations.")] = 5.0,
     object_step: Annotated[
@@ -125,9 +124,7 @@ def sightdistance(
     from intervis.uses.routes.survey import classes_of, route_on_road
 
     drive = open_drive(source)
-    route = route_of(drive, route_file, hz)
-    route = route.extended(extend) if extend is not None else route
-    route = route.shifted(offset) if offset else route
+    route = route_of(drive, route_file, hz, extend, offset)
     survey = read_survey(drive, route, frame_range, spacing, hz, sensor)
     road = route_on_road(survey, route, mount)
     road = road.reversed() if back else road

@@ -28,6 +28,11 @@ RouteFile = Annotated[
         " time_s, in the frame of the drive's poses; default: the way of the scanner.",
     ),
 ]
+Back = Annotated[bool, typer.Option("--back", help="Travel the route backwards.")]
+Offset = Annotated[float, typer.Option(metavar="M", help="Move the path to the left, metres.")]
+Extend = Annotated[
+    float | None, typer.Option(metavar="M", help="Continue the route straight at its end.")
+]
 Mount = Annotated[
     float | None,
     typer.Option(
@@ -61,13 +66,19 @@ SHOWN_SCANS, SHOWN_RETURNS = 12, 250_000
 """So many scans, and of their returns some so many, are drawn from above."""
 
 
-def route_of(drive: "Drive", path: Path | None, hz: float | None) -> "Route":
-    """The route of a file, or the way of the drive's scanner."""
+def route_of(
+    drive: "Drive",
+    path: Path | None,
+    hz: float | None,
+    extend_m: float | None = None,
+    offset_m: float = 0.0,
+) -> "Route":
+    """The route of a file, or the way of the drive's scanner; longer, and moved to the left."""
     from intervis.uses.routes.route_file import drive_start_s, read_route, route_of_drive
 
-    if path is None:
-        return route_of_drive(drive, hz)
-    return read_route(path, drive_start_s(drive))
+    route = route_of_drive(drive, hz) if path is None else read_route(path, drive_start_s(drive))
+    route = route.extended(extend_m) if extend_m is not None else route
+    return route.shifted(offset_m) if offset_m else route
 
 
 def read_survey(

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 PICTURES = {
     "sight": (
         "Sight lines from a viewpoint ahead",
-        "Sight lines from the viewpoint (star) to every return of the same scan. Visible: beams"
-        " passed through the space between. Occluded: an observed surface lies between. Unknown:"
-        " the space between was not observed, or the evidence is not decisive.",
+        "Sight lines from the viewpoint (star) to every return of the same scan. Visible: the"
+        " line is free with a high enough probability. Occluded: an observed surface lies between."
+        " Unknown: the space between was not observed, or the evidence is not decisive.",
     ),
     "overview": (
         "Overview",

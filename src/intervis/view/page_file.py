@@ -261,8 +261,8 @@ def _lead(drive: Drive, frames: Sequence[FrameData], request: ViewRequest) -> st
 
 def _notes() -> str:
     return (
-        f"Made by intervis {intervis.__version__}, offline. Visible: beams passed through the space"
-        " between. Occluded: an observed surface lies between. Unknown: the space between was not"
-        " observed, or the evidence is not decisive. The region is the paper's, and not what the"
-        " viewpoint sees."
+        f"Made by intervis {intervis.__version__}, offline. Visible: the line is free with a high"
+        " enough probability. Occluded: an observed surface lies between. Unknown: the space"
+        " between was not observed, or the evidence is not decisive. The region is the paper's, and"
+        " not what the viewpoint sees."
     )

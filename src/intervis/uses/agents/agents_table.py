@@ -26,7 +26,8 @@ class PairSight:
     first_s, last_s : float
         Their times; NaN where there is none.
     probability : float
-        Mean P(visible) of the lines.
+        Mean P(visible) of the lines, also in frames in which the target is out of range or of the
+        field of view.
     nearest_m : float
         Least distance.
     blind : str
@@ -86,8 +87,8 @@ def _mean(values: Float64Array) -> float:
 def pair_table(rows: list[PairSight]) -> Table:
     """One row for each ordered pair."""
     heads = (
-        *("observer", "target", "frames", "sees in", "first", "last", "mean P", "nearest, m"),
-        *("blind because", "blocker"),
+        *("observer", "target", "frames", "sees in", "first", "last", "P of the line"),
+        *("nearest, m", "blind because", "blocker"),
     )
     cells = tuple(
         (

@@ -18,6 +18,7 @@ from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import finite_number, positive_length
 from intervis.uses.routes.route import Route
+from intervis.uses.routes.route_file import KMH_PER_MPS
 from intervis.uses.routes.sight_standard import SightStandard
 
 NEAREST_M = 5.0
@@ -106,6 +107,14 @@ class SightDistances:
         enough = np.minimum(self._first_m(self.state != VISIBLE), tested_m) > self.required_m
         short = self._first_m(self.state == OCCLUDED) <= self.required_m
         return np.select([enough, short], [SUFFICIENT, DEFICIENT], UNDECIDED)
+
+    @property
+    def ends_early(self) -> BoolArray:
+        """(S,) whether nothing but the end of the path leaves the verdict undecided."""
+        open_m = self._first_m((self.state == OCCLUDED) | (self.state == UNKNOWN))
+        is_short = self.chainage_m + self.required_m > self.road.length_m
+        is_open = self.verdict == UNDECIDED
+        return np.asarray(is_open & is_short & (open_m > self.required_m))
 
     @property
     def deficit_m(self) -> Float64Array:
@@ -292,13 +301,13 @@ def _speeds(road: Route, chainage_m: Float64Array, speed_mps: float | None) -> F
     if speed_mps is not None:
         if not 0.0 < speed_mps <= FASTEST_MPS:
             raise SettingsError(
-                f"the speed must be above 0 and up to {FASTEST_MPS:g} m/s (360 km/h), got"
-                f" {speed_mps:.4g} m/s."
+                f"the speed must be above 0 and up to {KMH_PER_MPS * FASTEST_MPS:g} km/h, got"
+                f" {KMH_PER_MPS * speed_mps:.4g} km/h."
             )
         return np.full(len(chainage_m), speed_mps)
     speeds = road.speed_at(chainage_m)
     if not np.isfinite(speeds).all():
-        raise SettingsError("the route has no speeds: give one for the whole of it.")
+        raise SettingsError("the route has no speeds: give one for the whole of it (--speed KM/H).")
     return speeds
 
 

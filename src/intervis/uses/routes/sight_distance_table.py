@@ -189,6 +189,12 @@ def summary(found: SightDistances) -> str:
     if hidden:
         stations = len({one.chainage_m for one in hidden})
         text += f" {len(hidden)} hidden stretches reappear, seen from {stations} stations."
+    early = int(found.ends_early.sum())
+    if early:
+        text += (
+            f" {early} of the undecided see all of the path, which ends before the required"
+            " distance: --extend M continues it."
+        )
     return text
 
 

@@ -23,6 +23,8 @@ MOST_BYTES = 2 << 30
 """Memory for scans, unless the caller says otherwise."""
 FARTHEST_M = 60.0
 """A place of a route that is farther from every scanner has left the survey."""
+ROUNDING_M = 0.05
+"""So much farther is no error: a printed distance has one decimal."""
 LEAST_ROAD = 0.3
 """A route whose road was seen along a smaller share has no road surface."""
 
@@ -164,6 +166,8 @@ def _spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
     if not (math.isfinite(spacing_m) and spacing_m >= 0.0):
         raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m}.")
     poses = drive.poses or {}
+    if not poses:
+        raise DriveError(f"{drive.name} has no poses, which put its scans into one scene.")
     kept: list[int] = []
     for number in numbers:
         if number not in poses:
@@ -192,11 +196,13 @@ def check_route_in_survey(survey: Survey, route: Route) -> None:
     """
     chainage_m = np.append(route.stations(1.0), route.length_m)
     distance_m = distance_to_scans(survey.scene, route.at(chainage_m))
-    if (distance_m > FARTHEST_M).any():
-        first = int(np.argmax(distance_m > FARTHEST_M))
+    is_outside = distance_m > FARTHEST_M + ROUNDING_M
+    if is_outside.any():
+        first = int(np.argmax(is_outside))
         raise SceneError(
             f"the route leaves the scans at chainage {chainage_m[first]:.0f} m, where the nearest"
-            f" scan is {distance_m[first]:.0f} m away: cut the route, or add scans from there."
+            f" scan is {distance_m[first]:.1f} m away, and {FARTHEST_M:g} m are allowed: cut the"
+            " route, or add scans from there."
         )
 
 
@@ -231,7 +237,8 @@ def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -
     if survey.road.known_share < LEAST_ROAD:
         raise SceneError(
             f"the scans show the road along {100 * survey.road.known_share:.0f} % of the route"
-            " only: give the height of its places above the road."
+            f" only, and {100 * LEAST_ROAD:.0f} % are needed: give the height of the route's places"
+            " above the road (--mount M)."
         )
     fine = route.refined(1.0)
     return fine.with_heights(survey.road.heights(fine.chainage_m))

@@ -3,6 +3,7 @@
 const CHART_HEIGHT = 64;
 const AXIS_PX = 40;
 const CHART_WIDTH = 340;
+const MOST_DIGITS = 3;
 const NAMESPACE = "http://www.w3.org/2000/svg";
 
 /** Charts of the page: name, unit and series of each; those without numbers are left out. */
@@ -14,12 +15,12 @@ export function chartsOf(frames) {
     { title: "visible", unit: "% of the returns", colour: "visible", values: share("visible") },
     { title: "occluded", unit: "% of the returns", colour: "occluded", values: share("occluded") },
     { title: "unknown", unit: "% of the returns", colour: "line", values: share("unknown") },
-    { title: "blind spots within 30 m", unit: "m²", colour: "ink", values: spotArea },
+    { title: "blind spots in a square of 60 m", unit: "m²", colour: "ink", values: spotArea },
     { title: "TPI, the paper's measure", unit: "%", colour: "ink", values: frames.map((frame) => frame.TPI ?? null) },
   ];
   frames[0].lines.forEach((_, k) => {
     const values = frames.map((frame) => (frame.lines[k].probability === null ? null : 100 * frame.lines[k].probability));
-    charts.push({ title: `line ${k + 1}`, unit: "% visible", colour: "ink", values });
+    charts.push({ title: `line ${k + 1}, P(visible)`, unit: "%", colour: "ink", values });
   });
   return charts.filter((chart) => chart.values.some((value) => value !== null));
 }
@@ -31,9 +32,11 @@ function svg(name, attributes, parent) {
   return element;
 }
 
-/** Short text of an axis value. */
-function short(value) {
-  return Math.abs(value) >= 100 ? value.toFixed(0) : value.toFixed(1);
+/** Digits after the point that tell the two ends of an axis apart. */
+function digitsOf(low, high) {
+  let digits = Math.max(Math.abs(low), Math.abs(high)) >= 100 ? 0 : 1;
+  while (digits < MOST_DIGITS && (high - low) * 10 ** digits < 2) digits++;
+  return digits;
 }
 
 export class Charts {
@@ -51,12 +54,13 @@ export class Charts {
     const picture = svg("svg", { viewBox: `0 0 ${CHART_WIDTH} ${CHART_HEIGHT + 18}`, role: "img" }, figure);
     const known = chart.values.filter((one) => one !== null);
     let [low, high] = [Math.min(...known), Math.max(...known)];
-    if (high - low < 1e-9) [low, high] = [low - 0.5, high + 0.5];
+    if (high - low < 2 / 10 ** MOST_DIGITS) [low, high] = [low - 0.5, high + 0.5];
+    const digits = digitsOf(low, high);
     const x = (k) => AXIS_PX + ((CHART_WIDTH - AXIS_PX - 6) * (k + 0.5)) / chart.values.length;
     const y = (one) => 6 + (CHART_HEIGHT - 10) * (1 - (one - low) / (high - low));
     for (const one of [low, high]) {
       svg("line", { x1: AXIS_PX, x2: CHART_WIDTH, y1: y(one), y2: y(one), class: "grid" }, picture);
-      svg("text", { x: AXIS_PX - 5, y: y(one) + 4, "text-anchor": "end" }, picture).textContent = short(one);
+      svg("text", { x: AXIS_PX - 5, y: y(one) + 4, "text-anchor": "end" }, picture).textContent = one.toFixed(digits);
     }
     const [first, last] = [this.numbers[0], this.numbers[this.numbers.length - 1]];
     svg("text", { x: AXIS_PX, y: CHART_HEIGHT + 14 }, picture).textContent = `frame ${first}`;
@@ -76,11 +80,11 @@ export class Charts {
     });
     figure.prepend(caption);
     parent.append(figure);
-    return { chart, cursor, dot, value, x, y };
+    return { chart, cursor, dot, value, digits, x, y };
   }
 
   show(index) {
-    for (const { chart, cursor, dot, value, x, y } of this.drawn) {
+    for (const { chart, cursor, dot, value, digits, x, y } of this.drawn) {
       const one = chart.values[index];
       cursor.setAttribute("x1", x(index));
       cursor.setAttribute("x2", x(index));
@@ -89,7 +93,7 @@ export class Charts {
         dot.setAttribute("cx", x(index));
         dot.setAttribute("cy", y(one));
       }
-      value.textContent = one === null ? "" : short(one);
+      value.textContent = one === null ? "" : one.toFixed(digits);
     }
   }
 }

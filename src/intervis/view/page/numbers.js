@@ -36,3 +36,13 @@ export function placeText(dm) {
 export function grouped(count) {
   return String(count).replace(/\B(?=(\d{3})+$)/g, ",");
 }
+
+/** Index of the number that is nearest to a value; -1 where there is none. */
+export function nearestIndex(numbers, value) {
+  let [best, least] = [-1, Infinity];
+  for (let i = 0; i < numbers.length; i++) {
+    const away = Math.abs(numbers[i] - value);
+    if (away < least) [best, least] = [i, away];
+  }
+  return best;
+}

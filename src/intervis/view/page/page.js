@@ -6,6 +6,7 @@ import { Judge, askLine } from "./engine.js";
 import { Frames } from "./frames.js";
 import { LAYERS } from "./layers.js";
 import { Legend } from "./legend.js";
+import { grouped, nearestIndex } from "./numbers.js";
 import { MapCamera, OrbitCamera } from "./orbit.js";
 import { ScanView } from "./scan_view.js";
 import { Selection } from "./selection.js";
@@ -83,18 +84,26 @@ class Page {
       (message) => this.tell(message),
     );
     this.listen();
-    await this.go(this.wanted().frame);
-    const { return: row } = this.wanted();
-    if (row !== null) this.pick(this.frame.verdicts.columns.row.indexOf(row));
+    await this.showWanted(numbers);
     await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
     document.documentElement.dataset.ready = "true";
   }
 
-  /** Frame and return that the address asks for: #frame=12&return=3456. */
-  wanted() {
+  /** What the address asks for, as #frame=12&return=3456; of what is not stored, the nearest. */
+  async showWanted(numbers) {
     const asked = new URLSearchParams(location.hash.slice(1));
-    const index = this.page.frames.findIndex((frame) => String(frame.number) === asked.get("frame"));
-    return { frame: Math.max(0, index), return: asked.has("return") ? Number(asked.get("return")) : null };
+    const said = [];
+    const choose = (stored, name) => {
+      const at = nearestIndex(stored, Number(asked.get(name)));
+      if (String(stored[at]) !== asked.get(name)) {
+        const instead = at < 0 ? "" : `; this is the nearest, ${name} ${grouped(stored[at])}`;
+        said.push(`The page holds no ${name} ${asked.get(name)}${instead}.`);
+      }
+      return at;
+    };
+    await this.go(asked.has("frame") ? Math.max(0, choose(numbers, "frame")) : 0);
+    if (asked.has("return")) this.pick(choose(this.frame.verdicts.columns.row, "return"));
+    if (said.length) this.tell(said.join(" "));
   }
 
   showWithoutWebGL() {
