@@ -565,3 +565,35 @@ def test_shards_of_several_short_drives_share_the_work(tmp_path, capsys):
 def test_impossible_ways_of_sharing_work_are_one_sentence(options, said, drive, tmp_path, capsys):
     assert exit_code(["run", str(drive), "--out", str(tmp_path / "out"), *options]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_no_command_overwrites_what_it_reads(tmp_path, capsys):
+    drive = scan_folder(tmp_path / "drive", (0, 1))
+    (tmp_path / "t.csv").write_text("x,y,z\n9,0,0\n")
+    (tmp_path / "a.csv").write_text("name,x,y\na,9,0\nb,0,0\n")
+    (tmp_path / "old.json").write_text("{}")
+    before = files_below(tmp_path)
+    for words in (
+        ["route", str(drive), "--targets", f"{tmp_path}/t.csv", "--csv", f"{tmp_path}/t.csv"],
+        ["route", str(drive), "--targets", f"{tmp_path}/t.csv", "--geojson", f"{drive}/a.geojson"],
+        ["agents", str(drive), "--agents", f"{tmp_path}/a.csv", "--csv", f"{tmp_path}/a.csv"],
+        ["sightdistance", str(drive), "--route", f"{tmp_path}/t.csv", "--csv", f"{tmp_path}/t.csv"],
+        ["sightdistance", str(drive), "--worst", f"{drive}/worst"],
+        ["masks", str(drive), "--out", f"{drive}/masks"],
+        ["masks", str(drive), "--out", f"{tmp_path}/m", "--picture", f"{drive}/a.png"],
+        ["view", str(drive), "--html", f"{drive}/a.html"],
+        ["objects", str(drive), "--csv", f"{drive}/a.csv"],
+        ["blindspots", str(drive), "--geojson", f"{drive}/a.geojson"],
+        ["replay", str(drive), "--json", f"{drive}/a.json"],
+        [
+            "bench",
+            str(drive),
+            "--json",
+            f"{tmp_path}/old.json",
+            "--compare",
+            f"{tmp_path}/old.json",
+        ],
+    ):
+        assert exit_code(words) == 2, words
+        assert "which this command reads and never changes" in capsys.readouterr().err, words
+    assert files_below(tmp_path) == before

@@ -212,9 +212,10 @@ def test_a_mistake_is_one_line_and_writes_nothing(
 
 
 def test_a_drive_without_labels_or_poses(tmp_path, capsys) -> None:
+    (tmp_path / "drive").mkdir()
     for number in range(2):
-        np.save(tmp_path / f"{number:06d}.npy", ring(0.0))
-    command = ["masks", str(tmp_path), "--out", str(tmp_path / "m")]
+        np.save(tmp_path / "drive" / f"{number:06d}.npy", ring(0.0))
+    command = ["masks", str(tmp_path / "drive"), "--out", str(tmp_path / "m")]
     assert exit_code([*command, "--definition", "semantickitti", "--later", "0"]) == 2
     assert "needs labels of points for every scan" in capsys.readouterr().err
     assert exit_code(command) == 2

@@ -70,7 +70,7 @@ def agents(
         raise SettingsError("give agents as --agents FILE.csv, or the labels with --labelled.")
     frame_range = options.frame_range(frames)
     outputs = {"--csv": csv, "--every": every, "--picture": picture}
-    options.check_output_files(outputs)
+    options.check_output_files(outputs, [source, file])
     options.check_picture_file(picture)
 
     from intervis.drives import open_drive

@@ -111,7 +111,7 @@ def route(
         raise SettingsError("--shares writes the shares of zones: give --zones FILE.geojson.")
     frame_range = options.frame_range(frames)
     outputs = {"--csv": csv, "--shares": shares, "--geojson": geojson, "--picture": picture}
-    options.check_output_files(outputs)
+    options.check_output_files(outputs, [source, targets, zones, route_file])
     options.check_picture_file(picture)
 
     from intervis.drives import open_drive

@@ -1,5 +1,6 @@
 """``intervis sightdistance``: how far ahead a driver sees the road, against a standard."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -116,7 +117,8 @@ def sightdistance(
         braking=braking,
     )
     frame_range = options.frame_range(frames)
-    _check(moments, {"--csv": csv, "--geojson": geojson, "--picture": picture}, worst)
+    outputs = {"--csv": csv, "--geojson": geojson, "--picture": picture}
+    _check(moments, outputs, worst, [source, route_file])
 
     from intervis.drives import open_drive
     from intervis.sight.occupancy_model import DEFAULT_RISK
@@ -154,15 +156,21 @@ MOST_PICTURES, NEAR_SCANS = 6, 3
 """Pictures of the worst places at most, and scans that are drawn in each."""
 
 
-def _check(moments: str, outputs: dict[str, Path | None], worst: Path | None) -> None:
+def _check(
+    moments: str,
+    outputs: dict[str, Path | None],
+    worst: Path | None,
+    inputs: Sequence[Path | None],
+) -> None:
     """Check before the work what can be checked."""
     from intervis.errors import SettingsError
 
     if moments not in MOMENTS:
         raise SettingsError(f"--moments must be one of {', '.join(MOMENTS)}, got {moments!r}.")
-    options.check_output_files(outputs)
+    options.check_output_files(outputs, inputs)
     options.check_picture_file(outputs["--picture"])
     if worst is not None:
+        options.check_no_input(worst, inputs)
         from intervis.files import make_folder
         from intervis.plots.style import require_matplotlib
 

@@ -90,7 +90,7 @@ def view(
     frame_range = options.frame_range(frames)
     place = None if start is None else options.place(start, "--from")
     given_ends = [options.place(end, "--to") for end in ends or ()]
-    options.check_output_file(page)
+    options.check_output_file(page, [source])
 
     from intervis.drives import open_drive
     from intervis.run.stream import selected_frames
