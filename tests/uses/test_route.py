@@ -214,3 +214,10 @@ def test_a_cell_of_a_csv_that_is_too_long_is_one_sentence(tmp_path):
     for read in (read_targets, read_route):
         with pytest.raises(CalibrationError, match="does not parse as CSV"):
             read(path)
+
+
+def test_the_last_station_is_never_beyond_the_end():
+    """A length that rounding makes a little shorter than a whole number of steps."""
+    route = Route.through([[0, 0, 0], [0, 5.999999999999993, 0]])
+    assert np.isfinite(route.at(route.stations(0.5))).all()
+    assert route.locate([[0, 7]])[0].tolist() == [route.length_m]
