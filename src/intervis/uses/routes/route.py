@@ -124,7 +124,7 @@ class Route:
             raise SettingsError(
                 f"steps of {step:g} m along {self.length_m:.0f} m are too many: take larger ones."
             )
-        return np.minimum(np.arange(0.0, self.length_m + 1e-9, step), self.length_m)
+        return np.asarray(np.minimum(np.arange(0.0, self.length_m + 1e-9, step), self.length_m))
 
     def at(self, chainage_m: ArrayLike) -> Float64Array:
         """(..., 3) places at chainages, linear in between; NaN beyond the ends."""
