@@ -597,3 +597,19 @@ def test_no_command_overwrites_what_it_reads(tmp_path, capsys):
         assert exit_code(words) == 2, words
         assert "which this command reads and never changes" in capsys.readouterr().err, words
     assert files_below(tmp_path) == before
+
+
+@pytest.mark.parametrize("place", ["1e308,0,0", "0,nan,0", "0,0,-inf"])
+def test_a_place_that_is_none_is_one_sentence_in_every_command(place, drive, tmp_path, capsys):
+    for words in (
+        ["run", str(drive), "--out", f"{tmp_path}/o", "--viewpoint", place],
+        ["sight", str(drive), f"--from={place}", "--to", "9,0,0"],
+        ["view", str(drive), "--html", f"{tmp_path}/p.html", f"--from={place}"],
+        ["view", str(drive), "--html", f"{tmp_path}/p.html", f"--to={place}"],
+        ["objects", str(drive), f"--from={place}"],
+        ["blindspots", str(drive), f"--from={place}"],
+    ):
+        assert exit_code(words) == 2, words
+        err = capsys.readouterr().err
+        assert "must be three finite numbers in metres" in err, words
+        assert err.count("\n") == 1

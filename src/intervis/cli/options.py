@@ -12,6 +12,9 @@ from intervis.files import check_replaceable
 if TYPE_CHECKING:
     from intervis.settings import Settings
 
+FARTHEST_M = 1e7
+"""Coordinates are no larger, so that squares of distances are exact enough."""
+
 NAMED_VIEWPOINTS = ("camera", "sensor", "start")
 
 
@@ -21,7 +24,7 @@ def coordinates(text: str, option: str) -> tuple[float, float, float]:
     Raises
     ------
     PointsError
-        The text is not three finite numbers.
+        The text is not three finite numbers, or a place beyond 10,000 km.
 
     Examples
     --------
@@ -32,8 +35,10 @@ def coordinates(text: str, option: str) -> tuple[float, float, float]:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
         raise PointsError(f"{option} must be X,Y,Z in metres, got {text!r}.") from None
-    if not all(map(math.isfinite, (x, y, z))):
-        raise PointsError(f"{option} must be three finite numbers in metres, got {text!r}.")
+    if not all(abs(value) <= FARTHEST_M for value in (x, y, z)):  # nor is NaN
+        raise PointsError(
+            f"{option} must be three finite numbers in metres, up to {FARTHEST_M:g}, got {text!r}."
+        )
     return x, y, z
 
 
