@@ -7,6 +7,7 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
+from intervis.cli.survey import Risk
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -62,13 +63,7 @@ def sight(
             help="Draw the sight line, and the returns that are visible from its start.",
         ),
     ] = None,
-    risk: Annotated[
-        float | None,
-        typer.Option(
-            metavar="R",
-            help="How often visible and occluded may each be wrong, 0.001 to 0.2; default: 0.05.",
-        ),
-    ] = None,
+    risk: Risk = None,
     camera: CameraName = None,
 ) -> None:
     """Explain sight lines from one place.

@@ -9,6 +9,7 @@ import typer
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
 from intervis.cli.sight import FROM
+from intervis.cli.survey import Risk
 from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
@@ -69,13 +70,7 @@ def view(
     blind_spots: Annotated[
         bool, typer.Option("--blind-spots/--no-blind-spots", help="Judge the ground as well.")
     ] = True,
-    risk: Annotated[
-        float | None,
-        typer.Option(
-            metavar="R",
-            help="How often visible and occluded may each be wrong, 0.001 to 0.2; default: 0.05.",
-        ),
-    ] = None,
+    risk: Risk = None,
     camera: CameraName = None,
 ) -> None:
     """Make an interactive page of what a viewpoint sees of each frame of a drive.
