@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from intervis.arguments import path_of, shown
 from intervis.drives import (
     argoverse,
     e57_stations,
@@ -27,7 +28,7 @@ from intervis.drives import (
 from intervis.drives.boxes import Box
 from intervis.drives.drive import Drive
 from intervis.drives.frame import Frame, ScannerScan
-from intervis.errors import DriveError
+from intervis.errors import ArgumentError, DriveError
 
 __all__ = ["Box", "Drive", "Frame", "ScannerScan", "open_drive"]
 
@@ -110,12 +111,15 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     ...     drive.frame_numbers, drive[5].points.shape
     ((3, 5), (7, 3))
     """
+    if camera is not None and not isinstance(camera, str):
+        raise DriveError(f"a camera must be a name or a number in a text, got {shown(camera)}.")
     try:
-        given = Path(path).expanduser()
-    except TypeError:
-        raise DriveError(f"the path of a drive must be a text or a Path, got {path!r}.") from None
+        given = path_of(path, "the path of a drive")
+        given = given.expanduser()
+    except ArgumentError as error:
+        raise DriveError(str(error)) from None
     except RuntimeError:  # ~name of an unknown user
-        given = Path(path)
+        pass
     try:
         if "\0" in str(given) or not given.exists():
             if "\0" not in str(given):
@@ -124,7 +128,7 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
                     return nuscenes.read_drive(scene.resolve(), camera)
                 if topic is not None:
                     return ros_bag.read_drive(topic.resolve(), camera)
-            raise DriveError(f"there is nothing at {given}: check the path.")
+            raise DriveError(f"there is nothing at {' '.join(str(given).split())}: check the path.")
         root = given.resolve()
         if root.is_file():
             read_file = _FILE_READERS.get(root.suffix.lower(), single_scan.read_drive)

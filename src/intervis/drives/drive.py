@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from intervis.arguments import shown
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.drives.boxes import Box
@@ -171,7 +172,7 @@ class Drive:
         try:
             number = operator.index(number)
         except TypeError:
-            raise DriveError(f"a frame number must be an integer, got {number!r}.") from None
+            raise DriveError(f"a frame number must be an integer, got {shown(number)}.") from None
         if number not in self.scan_paths:
             raise DriveError(self._no_such_frame(number))
         scan = self.read(number) if self.read else read_scan(self.scan_paths[number])

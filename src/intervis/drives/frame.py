@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from intervis.arrays import Float32Array, Float64Array
+from intervis.arguments import mapping_of, object_of, shown, whole_numbers_of
+from intervis.arrays import Float32Array, Float64Array, array_of, checked_points
 from intervis.camera import Camera, default_viewpoint
 from intervis.drives.boxes import Box
 from intervis.drives.deskew import TIME_NAMES, deskewed_points, point_times_ns
 from intervis.drives.image_file import checked_image_size_px
 from intervis.drives.point_labels import read_labels
 from intervis.drives.pose_track import PoseTrack
-from intervis.errors import DriveError, MissingExtraError
+from intervis.errors import DriveError, MissingExtraError, PointsError
+from intervis.transform import checked_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +105,26 @@ class Frame:
     read_boxes: Callable[[], tuple[Box, ...]] | None = None
     pose_track: PoseTrack | None = None
     is_deskewed: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", checked_points(self.points))
+        if self.camera is not None:
+            object_of(self.camera, Camera, "camera")
+        for name in ("pose", "cam_from_velo"):
+            matrix = getattr(self, name)
+            if matrix is not None:
+                object.__setattr__(self, name, checked_pose(matrix, name))
+        if self.timestamp_ns is not None:
+            (time_ns,) = whole_numbers_of([self.timestamp_ns], "timestamp_ns")
+            object.__setattr__(self, "timestamp_ns", time_ns)
+        if self.pose_track is not None:
+            object_of(self.pose_track, PoseTrack, "pose_track")
+        for name, values in mapping_of(self.attributes, "attributes").items():
+            shape = array_of(values, f"the attribute {shown(name)}").shape
+            if shape[:1] != (len(self.points),):
+                raise PointsError(
+                    f"{len(self.points)} points need as many values of {shown(name)}, got {shape}."
+                )
 
     @property
     def timestamp_s(self) -> float | None:

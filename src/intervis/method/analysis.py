@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
+from intervis.arguments import function_of, object_of
 from intervis.arrays import (
     BoolArray,
     Float64Array,
@@ -195,7 +196,8 @@ def analyze(
     >>> result.measures.n, result.measures.SP == result.measures.N + result.measures.n - 1
     (100, True)
     """
-    settings = Settings() if settings is None else settings
+    settings = object_of(Settings() if settings is None else settings, Settings, "settings")
+    function_of(tau_for, "tau_for")
     raw = checked_points(points)
     extrinsics = checked_extrinsics(camera, cam_from_velo)
     clock = Clock()
@@ -315,6 +317,7 @@ def checked_extrinsics(
         raise CameraError(
             "cam_from_velo is given without a camera: pass the camera too, or leave both out."
         )
+    object_of(camera, Camera, "camera")
     return checked_pose(cam_from_velo, "cam_from_velo")
 
 

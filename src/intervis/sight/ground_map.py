@@ -8,7 +8,7 @@ assumption for the prior alone: the height of the nearest known cell, marked by 
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, IntArray
+from intervis.arrays import LARGEST_M, Float32Array, Float64Array, IntArray
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.kernels.terrain import (
     ASSUMED_OFFSET_M,
@@ -88,9 +88,9 @@ def ground_height(scans: PackedScans, xy: Float64Array) -> Float64Array:
     """Height (N,) of the ground below points (N, 2) of the scene, by the nearest scan; metres.
 
     Where that scan does not show the ground, that of the nearest cell where it does; NaN if it
-    shows none, or the point is not finite.
+    shows none, or the point is not finite or farther than 1e9 m.
     """
-    finite = np.asarray(np.isfinite(xy).all(axis=1))
+    finite = np.asarray((np.abs(xy) <= LARGEST_M).all(axis=1))
     xy = np.where(finite[:, None], xy, 0.0)
     nearest = nearest_scans(scans, xy)
     from_sensor = xy - scans.position[nearest, :2]

@@ -5,29 +5,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import Float64Array, array_of, checked_point, checked_points
+from intervis.arguments import shown
+from intervis.arrays import LARGEST_M, Float64Array, array_of, checked_point, checked_points
 from intervis.errors import PointsError, SettingsError
 from intervis.sight.kernels.parameters import Thresholds
 from intervis.sight.occupancy_model import RISK_RANGE, thresholds_for
 
-LARGEST_M = 1e9
-"""Lengths are no larger, so that their squares and products are finite."""
+LARGEST = 1e15
+"""Numbers of any kind are no larger."""
 
 
 def finite_number(name: str, value: Any, unit: str) -> float:
-    """A finite number, by the name of its argument.
+    """A finite number up to 1e15, by the name of its argument.
 
     Raises
     ------
     SettingsError
         It is none.
     """
+    is_text = isinstance(value, str | bytes)
+    is_other = isinstance(value, np.ndarray | np.generic) and (
+        value.ndim > 0 or value.dtype.kind not in "fiub" or isinstance(value, np.ma.MaskedArray)
+    )
     try:
-        number = np.nan if isinstance(value, str | bytes) else float(value)
+        number = np.nan if is_text or is_other else float(value)
     except (TypeError, ValueError, OverflowError):
         number = np.nan
+    if np.isfinite(number) and abs(number) > LARGEST:
+        raise SettingsError(f"{name} must be at most {LARGEST:g} ({unit}), got {number:g}.")
     if not np.isfinite(number):
-        raise SettingsError(f"{name} must be a finite number ({unit}), got {value!r}.")
+        raise SettingsError(f"{name} must be a finite number ({unit}), got {shown(value)}.")
     return number
 
 
@@ -37,7 +44,7 @@ def thresholds_of(risk: Any) -> Thresholds:
     if not least <= finite_number("risk", risk, "0.001 to 0.2") <= most:
         raise SettingsError(
             f"risk, the allowed share of wrong answers, must be from {least} to {most}, got"
-            f" {risk!r}."
+            f" {shown(risk)}."
         )
     return thresholds_for(float(risk))
 
@@ -52,7 +59,7 @@ def positive_length(name: str, value: Any) -> float:
     """
     length_m = finite_number(name, value, "metres")
     if not 0.0 < length_m <= LARGEST_M:
-        raise SettingsError(f"{name} must be a positive length in metres, got {value!r}.")
+        raise SettingsError(f"{name} must be a positive length in metres, got {shown(value)}.")
     return length_m
 
 
@@ -61,8 +68,10 @@ def viewpoints_of(viewpoint: ArrayLike) -> Float64Array:
     if array_of(viewpoint, "viewpoint").ndim != 2:
         return checked_point(viewpoint)[None]
     points = targets_of(viewpoint, "viewpoint")
-    if not np.isfinite(points).all():
-        raise PointsError("every viewpoint must be three finite numbers in metres.")
+    if not (np.abs(points) <= LARGEST_M).all():  # nor is NaN
+        raise PointsError(
+            f"every viewpoint must be three finite numbers in metres, up to {LARGEST_M:g}."
+        )
     return points
 
 

@@ -2,22 +2,23 @@
 
 from __future__ import annotations  # help() then shows ArrayLike by its name
 
-from numbers import Integral
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from intervis.arguments import is_count, shown
 from intervis.arrays import (
+    LARGEST_M,
     Float64Array,
     IntArray,
-    array_of,
     checked_point,
     checked_points,
     finite_rows,
+    numbers_of,
 )
-from intervis.errors import PointsError, SceneError, SettingsError
+from intervis.errors import PointsError, PoseError, SceneError, SettingsError
 from intervis.sight.answers import answer_lines, sum_lines
 from intervis.sight.box_sight import BoxSight, box_sight
 from intervis.sight.box_surface import facing_surfaces
@@ -76,12 +77,14 @@ class Scene:
     ) -> None:
         if not (sensor is None or isinstance(sensor, str | Sensor)):
             raise SettingsError(
-                f"sensor must be a Sensor, the name of a preset, or None, got {sensor!r}."
+                f"sensor must be a Sensor, the name of a preset, or None, got {shown(sensor)}."
             )
         limits: dict[str, object] = {"max_scans": max_scans, "max_bytes": max_bytes}
         for name, limit in limits.items():
-            if isinstance(limit, bool) or not isinstance(limit, Integral):
-                raise SettingsError(f"{name} must be a whole number of 1 or more, got {limit!r}.")
+            if not is_count(limit):
+                raise SettingsError(
+                    f"{name} must be a whole number of 1 or more, got {shown(limit)}."
+                )
         self.sensor = sensor_named(sensor) if isinstance(sensor, str) else sensor
         self._buffer = ScanBuffer(max_scans, max_bytes)
 
@@ -342,13 +345,18 @@ class Scene:
         (array([1., 1., 0.]), array([0., 0., 1.]))
         """
         start = checked_point(viewpoint)
-        sizes = array_of(size_m, "size_m").astype(np.float64).reshape(-1, 3)
-        poses = [checked_pose(pose, "scene_from_box") for pose in np.asarray(scene_from_box)]
+        sizes = np.atleast_2d(numbers_of(size_m, "size_m"))
+        if sizes.size and (sizes.ndim != 2 or sizes.shape[1] != 3):
+            raise PointsError(f"size_m must have the shape (B, 3), got {sizes.shape}.")
+        sizes, matrices = sizes.reshape(-1, 3), numbers_of(scene_from_box, "scene_from_box")
+        if matrices.size and matrices.ndim != 3:
+            raise PoseError(f"scene_from_box must have the shape (B, 4, 4), got {matrices.shape}.")
+        poses = [checked_pose(pose, "scene_from_box") for pose in matrices] if matrices.size else []
         if len(poses) != len(sizes):
             raise PointsError(
                 f"each box needs a pose and a size, got {len(poses)} poses and {len(sizes)} sizes."
             )
-        if not (np.isfinite(sizes).all() and (sizes > 0.0).all()):
+        if not ((sizes > 0.0) & (sizes <= LARGEST_M)).all():
             raise PointsError("the sizes of boxes must be positive and finite, in metres.")
         surface = facing_surfaces(start, np.array(poses).reshape(-1, 4, 4), sizes)
         sight = self.sight(start, surface.points, risk=risk, moment_s=moment_s)
@@ -374,7 +382,7 @@ class Scene:
         >>> Scene.from_scan(flat).ground_height([[3.0, 4.0], [20.0, 0.0]])
         array([-2., -2.])
         """
-        points = array_of(xy, "xy").astype(np.float64)
+        points = numbers_of(xy, "xy")
         if points.ndim != 2 or points.shape[1] != 2:
             raise PointsError(f"xy must have the shape (N, 2), got {points.shape}.")
         return ground_height(self.packed_scans(), points)

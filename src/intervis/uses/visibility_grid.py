@@ -6,7 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from intervis.arrays import BoolArray, Float64Array, FloatArray, checked_point, finite_rows
+from intervis.arguments import object_of
+from intervis.arrays import (
+    BoolArray,
+    Float64Array,
+    FloatArray,
+    checked_point,
+    checked_points,
+    finite_rows,
+)
 from intervis.errors import SettingsError
 from intervis.sight import UNKNOWN, Scene
 from intervis.sight.ground_map import nearest_scans, shown_ground
@@ -106,7 +114,8 @@ def visibility_grid(
     PointsError, SceneError
         As `intervis.Scene.sight`.
     """
-    start = checked_point(viewpoint)
+    object_of(scene, Scene, "scene")
+    start, returns = checked_point(viewpoint), checked_points(returns, "returns")
     reach_m = positive_length("reach_m", reach_m)
     cell_m = positive_length("cell_m", cell_m)
     height_m = positive_length("height_m", height_m)
@@ -154,7 +163,8 @@ def _obstacles(
 ) -> BoolArray:
     """Cells (I, J) that hold returns at heights of obstacles."""
     points = np.asarray(returns[finite_rows(returns), :3], np.float64)
-    cell = np.floor((points[:, :2] - corner) / cell_m)
+    with np.errstate(over="ignore"):
+        cell = np.floor((points[:, :2] - corner) / cell_m)
     inside = ((cell >= 0) & (cell < count)).all(axis=1)
     points, cell = points[inside], cell[inside].astype(np.int64)
     above_m = points[:, 2] - scene.ground_height(points[:, :2])

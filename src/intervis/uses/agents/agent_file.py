@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from intervis.arrays import Float64Array
+from intervis.arrays import LARGEST_M, Float64Array
 from intervis.drives import Drive
 from intervis.drives.calibration import read_lines
 from intervis.errors import CalibrationError, DriveError, PointsError
 from intervis.sight import Scene
-from intervis.sight.query_checks import LARGEST_M
 from intervis.transform import rigid
 from intervis.uses.agents.mutual_sight import Agent
 from intervis.uses.routes.survey import distance_to_scans

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from intervis.arguments import object_of
 from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.progress import Progress, silent
@@ -84,6 +85,7 @@ def route_sight(
     PointsError, SceneError
         As `intervis.Scene.sight`.
     """
+    object_of(scene, Scene, "scene")
     range_m = positive_length("max_range_m", max_range_m)
     lines = len(eyes) * len(targets)
     if lines > MOST_LINES:
@@ -99,7 +101,8 @@ def route_sight(
         part = slice(begin, end)
         moment_s = None if moments_s is None else float(moments_s[begin])
         sight = scene.sight(eyes[part], in_order, max_range_m=range_m, risk=risk, moment_s=moment_s)
-        far = np.linalg.norm(in_order - eyes[part, None], axis=2) > range_m
+        with np.errstate(over="ignore"):
+            far = np.linalg.norm(in_order - eyes[part, None], axis=2) > range_m
         state[part, order] = np.where(far, OUT_OF_RANGE, sight.state)
         probability[part, order] = sight.probability
         (progress or silent)(f"place {end} of {len(eyes)}")
@@ -223,6 +226,7 @@ def zone_sight(
     SettingsError, PointsError
         As `route_sight`.
     """
+    object_of(scene, Scene, "scene")
     if not zones:
         raise PointsError("no zone is given.")
     parts = [zone.samples(scene) for zone in zones]

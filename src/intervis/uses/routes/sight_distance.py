@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intervis.arrays import BoolArray, Float64Array
+from intervis.arguments import object_of
+from intervis.arrays import BoolArray, Float64Array, numbers_of
 from intervis.errors import PointsError, SettingsError
 from intervis.progress import Progress, silent
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
@@ -238,6 +239,9 @@ def sight_distances(
     SceneError
         The scene holds no scan, or its scans have no times and moments are given.
     """
+    object_of(scene, Scene, "scene")
+    object_of(road, Route, "road")
+    object_of(standard, SightStandard, "standard")
     if not np.isfinite(road.points).all():
         raise PointsError("the path has places without a height.")
     ignore_m = finite_number("ignore_m", ignore_m, "metres")
@@ -256,7 +260,7 @@ def sight_distances(
     distance_m = _object_distances(
         road, required_m, reach_m, target_step_m, len(chainage_m) * heights
     )
-    moments = None if moments_s is None else np.asarray(moments_s, np.float64)
+    moments = None if moments_s is None else numbers_of(moments_s, "moments_s")
     if moments is not None and (moments.ndim != 2 or len(moments) < len(chainage_m)):
         raise SettingsError(f"moments_s needs a row for each of {len(chainage_m)} stations.")
     shape = (len(chainage_m), len(distance_m))
@@ -299,6 +303,7 @@ def _object_distances(
 def _speeds(road: Route, chainage_m: Float64Array, speed_mps: float | None) -> Float64Array:
     """Speeds (S,) of the stations."""
     if speed_mps is not None:
+        speed_mps = finite_number("the speed", speed_mps, "metres per second")
         if not 0.0 < speed_mps <= FASTEST_MPS:
             raise SettingsError(
                 f"the speed must be above 0 and up to {KMH_PER_MPS * FASTEST_MPS:g} km/h, got"

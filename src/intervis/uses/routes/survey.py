@@ -1,12 +1,12 @@
 """A survey: the scans of a drive in one scene, in the frame of its poses, and the road below."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from intervis.arguments import object_of, whole_numbers_of
 from intervis.arrays import Float64Array, finite_rows
 from intervis.drives import Drive
 from intervis.errors import DriveError, SceneError, SettingsError
@@ -99,6 +99,10 @@ def survey_of(
     SettingsError
         The spacing is negative, or there is no such sensor.
     """
+    object_of(drive, Drive, "drive")
+    object_of(route, Route, "route")
+    if numbers is not None:
+        numbers = whole_numbers_of(numbers, "numbers")
     chosen = _spaced(drive, list(drive.frame_numbers if numbers is None else numbers), spacing_m)
     road = RoadSurface(route)
     scene = scene_of_drive(
@@ -163,8 +167,11 @@ def has_times(scene: Scene) -> bool:
 
 def _spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
     """Numbers of the frames that lie a distance apart along the drive."""
-    if not (math.isfinite(spacing_m) and spacing_m >= 0.0):
-        raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m}.")
+    spacing_m = finite_number("the spacing of scans", spacing_m, "metres")
+    if spacing_m < 0.0:
+        raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m:g}.")
+    if not numbers:
+        raise DriveError("a scene needs one frame at least: choose some.")
     poses = drive.poses or {}
     if not poses:
         raise DriveError(f"{drive.name} has no poses, which put its scans into one scene.")
@@ -231,6 +238,8 @@ def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -
     SettingsError
         The height is not finite.
     """
+    object_of(survey, Survey, "survey")
+    object_of(route, Route, "route")
     if height_m is not None:
         height_m = finite_number("the height of the route", height_m, "metres")
         return route.with_heights(route.points[:, 2] - height_m)
