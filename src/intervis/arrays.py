@@ -136,7 +136,7 @@ def checked_point(point: ArrayLike, name: str = "viewpoint") -> Float64Array:
     Raises
     ------
     PointsError
-        It is not three finite numbers, or one is beyond 1e9 m.
+        It is not three finite numbers.
 
     Examples
     --------
@@ -147,11 +147,22 @@ def checked_point(point: ArrayLike, name: str = "viewpoint") -> Float64Array:
         array = numbers_of(point, name)
     except PointsError:
         raise PointsError(f"{name} must be three numbers in metres, got {shown(point)}.") from None
-    if array.shape != (3,) or not (np.abs(array) <= LARGEST_M).all():  # nor is NaN
-        raise PointsError(
-            f"{name} must be three finite numbers in metres, up to {LARGEST_M:g}, got"
-            f" {shown(point)}."
-        )
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise PointsError(f"{name} must be three finite numbers in metres, got {shown(point)}.")
+    return array
+
+
+def checked_place(point: ArrayLike, name: str = "viewpoint") -> Float64Array:
+    """As `checked_point`, for a place whose distances are squared: within 1e9 m.
+
+    Raises
+    ------
+    PointsError
+        It is not three finite numbers, or one is larger.
+    """
+    array = checked_point(point, name)
+    if np.abs(array).max() > LARGEST_M:
+        raise PointsError(f"{name} must be within {LARGEST_M:g} m, got {shown(array.tolist())}.")
     return array
 
 

@@ -50,7 +50,8 @@ def point_times_ns(
     Raises
     ------
     DriveError
-        The times are no numbers, span no sweep in any unit, or lie more than a sweep from the scan's time.
+        The times are no numbers, span no sweep in any unit, or lie more than a sweep from the
+        scan's time.
 
     Examples
     --------

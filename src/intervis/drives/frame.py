@@ -107,7 +107,10 @@ class Frame:
     is_deskewed: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", checked_points(self.points))
+        object.__setattr__(self, "number", whole_numbers_of([self.number], "number")[0])
+        points = checked_points(self.points)
+        if np.shape(self.points) != points.shape or not isinstance(self.points, np.ndarray):
+            object.__setattr__(self, "points", points)
         if self.camera is not None:
             object_of(self.camera, Camera, "camera")
         for name in ("pose", "cam_from_velo"):

@@ -17,7 +17,7 @@ from intervis.arrays import (
     Float64Array,
     FloatArray,
     IntArray,
-    checked_point,
+    checked_place,
     checked_points,
 )
 from intervis.camera import Camera, default_viewpoint
@@ -163,7 +163,7 @@ def analyze(
     ----------
     points : (N, 3) or (N, 4) float array
         Raw scan, sensor frame (x forward, y left, z up), metres. Rows that are no return (NaN,
-        infinite, or 0, 0, 0) are left out and counted.
+        infinite, beyond 1e9 m, or 0, 0, 0) are left out and counted.
     camera, cam_from_velo : Camera and (4, 4) array, or None
         The camera whose field of view is analysed, and its extrinsics (sensor to rectified camera
         frame). Without a camera, or with ``settings.view`` other than "camera", it is an azimuth
@@ -359,7 +359,7 @@ def meta_viewpoint(
 ) -> Float64Array:
     """P0: the given viewpoint, else the camera's centre, else the sensor."""
     if viewpoint is not None:
-        return checked_point(viewpoint)
+        return checked_place(viewpoint)
     return default_viewpoint(camera, cam_from_velo)
 
 

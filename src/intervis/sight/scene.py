@@ -282,8 +282,10 @@ class Scene:
         """
         max_range_m = positive_length("max_range_m", max_range_m)
         from_points = viewpoints_of(viewpoints)
+        if from_points.size and np.abs(from_points).max() > LARGEST_M:
+            raise PointsError(f"the viewpoints must be within {LARGEST_M:g} m.")
         to_points = targets_of(targets)
-        finite = np.flatnonzero(np.isfinite(to_points).all(axis=1))
+        finite = np.flatnonzero((np.abs(to_points) <= LARGEST_M).all(axis=1))
         near = cKDTree(from_points).sparse_distance_matrix(
             cKDTree(to_points[finite]), max_range_m, output_type="ndarray"
         )
@@ -344,7 +346,7 @@ class Scene:
         >>> seen.occluded.round(1), seen.visible.round(1)
         (array([1., 1., 0.]), array([0., 0., 1.]))
         """
-        start = checked_point(viewpoint)
+        start = checked_place(viewpoint)
         sizes = np.atleast_2d(numbers_of(size_m, "size_m"))
         if sizes.size and (sizes.ndim != 2 or sizes.shape[1] != 3):
             raise PointsError(f"size_m must have the shape (B, 3), got {sizes.shape}.")

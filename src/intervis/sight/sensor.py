@@ -72,6 +72,9 @@ class Sensor:
                 )
             if field.name == "beams" and not isinstance(value, Integral):
                 raise SettingsError(f"a sensor's beams must be a whole number, got {shown(value)}.")
+            # Numbers of other types overflow where they are compared.
+            number = int(value) if isinstance(value, Integral) else float(value)
+            object.__setattr__(self, field.name, number)
         if self.beams < 1:
             raise SettingsError(f"a sensor needs one beam at least, got {self.beams}.")
         if not -90.0 <= self.lowest_deg < self.highest_deg <= 90.0:

@@ -11,7 +11,7 @@ from intervis.arrays import (
     BoolArray,
     Float64Array,
     FloatArray,
-    checked_point,
+    checked_place,
     checked_points,
     finite_rows,
 )
@@ -23,6 +23,9 @@ from intervis.sight.query_checks import positive_length
 
 MOST_CELLS = 4_000_000
 """Cells of a grid at most: some 300 MB while it is answered."""
+
+MOST_HEIGHT_M = 1000.0
+"""Height above ground at most: lines to higher cells take long and leave the scans."""
 
 GROUND_WITHIN_M = 20.0
 """Cells are judged where a scan shows the ground within this distance."""
@@ -110,15 +113,17 @@ def visibility_grid(
     Raises
     ------
     SettingsError
-        A length is not positive and finite, or the grid would have too many cells.
+        A length is not positive and finite, the height is above 1,000 m, or the grid would have too many cells.
     PointsError, SceneError
         As `intervis.Scene.sight`.
     """
     object_of(scene, Scene, "scene")
-    start, returns = checked_point(viewpoint), checked_points(returns, "returns")
+    start, returns = checked_place(viewpoint), checked_points(returns, "returns")
     reach_m = positive_length("reach_m", reach_m)
     cell_m = positive_length("cell_m", cell_m)
     height_m = positive_length("height_m", height_m)
+    if height_m > MOST_HEIGHT_M:
+        raise SettingsError(f"height_m must be at most {MOST_HEIGHT_M:g} m, got {height_m:g}.")
     count = int(np.ceil(min(2.0 * reach_m / cell_m, 1e6)))
     if count * count > MOST_CELLS:
         raise SettingsError(

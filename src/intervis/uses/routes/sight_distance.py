@@ -261,7 +261,9 @@ def sight_distances(
         road, required_m, reach_m, target_step_m, len(chainage_m) * heights
     )
     moments = None if moments_s is None else numbers_of(moments_s, "moments_s")
-    if moments is not None and (moments.ndim != 2 or len(moments) < len(chainage_m)):
+    if moments is not None and (
+        moments.ndim != 2 or not moments.shape[1] or len(moments) < len(chainage_m)
+    ):
         raise SettingsError(f"moments_s needs a row for each of {len(chainage_m)} stations.")
     shape = (len(chainage_m), len(distance_m))
     state, probability = np.full(shape, NO_TARGET, np.int8), np.full(shape, np.nan)
@@ -291,7 +293,7 @@ def _object_distances(
     farthest_m = min(positive_length("reach_m", reach_m), road.length_m)
     if farthest_m < NEAREST_M:
         raise SettingsError(f"reach_m must be {NEAREST_M:g} m or more, where objects start.")
-    lines *= int((farthest_m - NEAREST_M) / step + 1.0)
+    lines *= int(min((farthest_m - NEAREST_M) / step, 1e12) + 1.0)
     if lines > MOST_LINES:
         raise SettingsError(
             f"{lines:,} lines are asked, and at most {MOST_LINES:,} are answered: take larger steps"

@@ -78,7 +78,9 @@ class Zone:
                 f"zone {shown(name)} may have {MOST_CORNERS} corners, within {FARTHEST_M:g} m of"
                 " the origin: simplify it, or give it in the frame of the drive's poses."
             )
-        if heights_m.shape != (2,) or not -FARTHEST_M <= low_m <= high_m <= FARTHEST_M:
+        if heights_m.shape != (2,) or not (
+            -FARTHEST_M <= heights_m[0] <= heights_m[1] <= FARTHEST_M
+        ):
             raise PointsError(
                 f"zone {shown(name)} needs a lower and an upper height, got {shown(low_m)}"
                 f" and {shown(high_m)}."
