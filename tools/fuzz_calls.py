@@ -11,7 +11,7 @@ ones (``tools/odd_values.py``), again and again. An outcome is
 - slow: more than two seconds.
 
 Memory is bounded. Odd numbers ask for little that honestly takes long, such as a million places. A
-call that does not come back within a minute ends the process. Runs with the same seed and count are
+call that does not come back within five minutes ends the process. Runs with the same seed and count are
 the same. ``NUMBA_BOUNDSCHECK=1`` checks the bounds of the kernels as well; give such a run a cache
 of its own (``NUMBA_CACHE_DIR``).
 """
@@ -31,17 +31,17 @@ from call_targets import Call, targets
 from fuzzing import BoundedMemory, Outcome, judged, run_targets
 from odd_values import odd
 
-HANG_S = 60
+HANG_S = 300
 PLAIN = (TypeError, ValueError, IndexError)
 
 
-def fuzz(name: str, count: int, seed: int) -> Outcome:
-    """Make `count` odd calls of one target."""
+def fuzz(name: str, count: int, seed: int, hang_s: float | None = None) -> Outcome:
+    """Make `count` odd calls of one target; one that takes `hang_s` seconds ends the process."""
     call = targets()[name]
     logging.getLogger("intervis").addHandler(logging.NullHandler())
     logging.getLogger("intervis").propagate = False
     outcome = Outcome(name)
-    kind, fault = judged(partial(_made, call, call.arguments))  # kernels are loaded here
+    kind, fault = judged(partial(made, call, call.arguments))  # kernels are loaded here
     if kind not in ("read", "slow"):  # which may compile
         outcome.counts["raw"] += 1
         outcome.faults[f"the valid call: {fault}"] += 1
@@ -50,8 +50,9 @@ def fuzz(name: str, count: int, seed: int) -> Outcome:
         for number in range(count):
             rng = random.Random(f"{seed} {name} {number}")
             arguments = odd_arguments(call.arguments, rng)
-            faulthandler.dump_traceback_later(HANG_S, exit=True)
-            kind, fault = judged(partial(_made, call, arguments), PLAIN)
+            if hang_s is not None:
+                faulthandler.dump_traceback_later(hang_s, exit=True)
+            kind, fault = judged(partial(made, call, arguments), PLAIN)
             faulthandler.cancel_dump_traceback_later()
             outcome.counts[kind] += 1
             if kind in ("raw", "slow"):
@@ -67,7 +68,8 @@ def odd_arguments(valid: Mapping[str, Any], rng: random.Random) -> dict[str, Any
     return {key: odd(value, rng) if key in chosen else value for key, value in valid.items()}
 
 
-def _made(call: Call, arguments: Mapping[str, Any]) -> None:
+def made(call: Call, arguments: Mapping[str, Any]) -> None:
+    """Make a call, and check that it leaves the arrays as they are."""
     arrays = {key: value for key, value in arguments.items() if type(value) is np.ndarray}
     before = {key: value.tobytes() for key, value in arrays.items()}
     call.function(**arguments)
@@ -89,7 +91,13 @@ def _merge(outcome: Outcome) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fuzz the calls and print a table; 1 if anything was raw or slow."""
     description = "Fuzz the public calls with odd arguments."
-    return run_targets(fuzz, list(targets()), arguments, description=description, count=1500)
+    return run_targets(
+        partial(fuzz, hang_s=HANG_S),
+        list(targets()),
+        arguments,
+        description=description,
+        count=1500,
+    )
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from intervis.arrays import (
     LARGEST_M,
     Float64Array,
     IntArray,
+    checked_place,
     checked_point,
     checked_points,
     finite_rows,

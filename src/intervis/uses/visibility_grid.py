@@ -113,7 +113,8 @@ def visibility_grid(
     Raises
     ------
     SettingsError
-        A length is not positive and finite, the height is above 1,000 m, or the grid would have too many cells.
+        A length is not positive and finite, the height is above 1,000 m, or the grid would have
+        too many cells.
     PointsError, SceneError
         As `intervis.Scene.sight`.
     """

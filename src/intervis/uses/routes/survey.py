@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from intervis.arguments import object_of, whole_numbers_of
-from intervis.arrays import Float64Array, finite_rows
+from intervis.arrays import LARGEST_M, Float64Array, finite_rows
 from intervis.drives import Drive
 from intervis.errors import DriveError, SceneError, SettingsError
 from intervis.progress import Progress, silent
@@ -236,12 +236,16 @@ def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -
     SceneError
         The scans show the road along less than 30 % of the route.
     SettingsError
-        The height is not finite.
+        The height is not finite, or beyond 1e9 m.
     """
     object_of(survey, Survey, "survey")
     object_of(route, Route, "route")
     if height_m is not None:
         height_m = finite_number("the height of the route", height_m, "metres")
+        if abs(height_m) > LARGEST_M:
+            raise SettingsError(
+                f"the height of the route must be at most {LARGEST_M:g} m, got {height_m:g}."
+            )
         return route.with_heights(route.points[:, 2] - height_m)
     if survey.road.known_share < LEAST_ROAD:
         raise SceneError(
