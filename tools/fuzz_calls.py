@@ -11,9 +11,9 @@ ones (``tools/odd_values.py``), again and again. An outcome is
 - slow: more than two seconds.
 
 Memory is bounded. Odd numbers ask for little that honestly takes long, such as a million places. A
-call that does not come back within five minutes ends the process. Runs with the same seed and count are
-the same. ``NUMBA_BOUNDSCHECK=1`` checks the bounds of the kernels as well; give such a run a cache
-of its own (``NUMBA_CACHE_DIR``).
+call that does not come back within five minutes ends the process. Runs with the same seed and count
+are the same. ``NUMBA_BOUNDSCHECK=1`` checks the bounds of the kernels as well; give such a run a
+cache of its own (``NUMBA_CACHE_DIR``).
 """
 
 import faulthandler

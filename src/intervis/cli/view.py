@@ -9,7 +9,7 @@ import typer
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
 from intervis.cli.sight import FROM
-from intervis.cli.survey import Risk
+from intervis.cli.survey import Frames, Risk
 from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
@@ -36,10 +36,7 @@ def view(
         ),
     ] = False,
     port: Annotated[int, typer.Option(metavar="N", help="Port of --serve.")] = DEFAULT_PORT,
-    frames: Annotated[
-        str | None,
-        typer.Option(metavar="A:B", help="Frame numbers, B not included; also A:, :B or A."),
-    ] = None,
+    frames: Frames = None,
     most: Annotated[
         int, typer.Option(metavar="N", help="Frames at most; more are thinned evenly.")
     ] = 24,
@@ -73,7 +70,7 @@ def view(
     risk: Risk = None,
     camera: CameraName = None,
 ) -> None:
-    """Make an interactive page of what a viewpoint sees of each frame of a drive.
+    """Make an interactive page of what a place sees.
 
     The page is one file that loads nothing. Every return is judged from the viewpoint (the camera;
     the sensor, if there is none), and can be clicked for its explanation.

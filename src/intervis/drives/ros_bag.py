@@ -55,6 +55,9 @@ ENCODINGS = ("cdr", "ros1")
 HEADER_BYTES = 32 + LONGEST_NAME
 """So many bytes hold a message's header."""
 
+WORLD_FRAMES = ("map", "odom", "world", "earth")
+"""Frames that stand still (ROS REP 105): below one of them what never moves stands still, too."""
+
 WITHIN_NS = 100_000_000
 """A cloud of another scanner belongs to a frame within this time of it."""
 
@@ -170,6 +173,9 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     found = {number: main.pose(number) for number in numbers}
     poses = {number: pose for number, pose in found.items() if pose is not None}
     lack = next((way.lack for way in main.ways.values() if way.lack), "")
+    stands_below = next((way.stands_below for way in main.ways.values() if way.stands_below), "")
+    if stands_below:
+        log.warning("%s stands still: no transform below %s changes.", path, stands_below)
     if lack and not poses:
         log.warning("%s has no poses: %s.", path, lack)
     elif len(poses) < len(found):
@@ -270,6 +276,9 @@ class _Places:
                 child_from_cloud = self._tree.fixed(child, frame_id)
                 if child_from_cloud is not None:
                     return _Way([], motions.track(), child_from_cloud, "")
+            top = edges[-1].parent if edges else ""
+            if top in WORLD_FRAMES and not self._tree.moves_below(frame_id):
+                return _Way(edges, None, ego_from_cloud, "", stands_below=top)
             return _Way([], None, ego_from_cloud, self._lack(frame_id))
         except CalibrationError as error:
             return _Way([], None, np.eye(4), str(error))
@@ -301,12 +310,15 @@ class _Way:
     ego_from_cloud : (4, 4) array
     lack : str
         Why there are no poses; empty where there are.
+    stands_below : str
+        The frame of the world below which no transform changes; empty where the scanner moves.
     """
 
     edges: Sequence[Edge]
     odometry: PoseTrack | None
     ego_from_cloud: Float64Array
     lack: str
+    stands_below: str = ""
 
     @property
     def cloud_from_velo(self) -> Float64Array:

@@ -14,6 +14,9 @@ from intervis.sight.occupancy_model import RISK_RANGE, thresholds_for
 LARGEST = 1e15
 """Numbers of any kind are no larger."""
 
+MOST_HZ = 1e6
+"""Greatest rate, and the inverse of the least one."""
+
 
 def finite_number(name: str, value: Any, unit: str) -> float:
     """A finite number up to 1e15, by the name of its argument.
@@ -61,6 +64,22 @@ def positive_length(name: str, value: Any) -> float:
     if not 0.0 < length_m <= LARGEST_M:
         raise SettingsError(f"{name} must be a positive length in metres, got {shown(value)}.")
     return length_m
+
+
+def rate_of(name: str, value: Any) -> float:
+    """A rate in 1/s from 1e-6 to 1e6, by the name of its argument.
+
+    Raises
+    ------
+    SettingsError
+        It is none.
+    """
+    rate_hz = finite_number(name, value, "1/s")
+    if not 1.0 / MOST_HZ <= rate_hz <= MOST_HZ:
+        raise SettingsError(
+            f"{name} must be from {1.0 / MOST_HZ:g} to {MOST_HZ:g}, got {rate_hz:g}."
+        )
+    return rate_hz
 
 
 def viewpoints_of(viewpoint: ArrayLike) -> Float64Array:

@@ -10,12 +10,10 @@ from intervis.arrays import Float64Array
 from intervis.drives import Drive
 from intervis.drives.calibration import COMMENT, parse_numbers, read_lines
 from intervis.drives.trajectory import read_poses
-from intervis.errors import CalibrationError, DriveError, PointsError, SettingsError
-from intervis.sight.query_checks import finite_number
+from intervis.errors import CalibrationError, DriveError, PointsError
+from intervis.sight.query_checks import finite_number, rate_of
 from intervis.uses.routes.route import Route
 
-MOST_HZ = 1e6
-"""Greatest rate of scans, and the inverse of the least one."""
 KMH_PER_MPS = 3.6
 TUM_NUMBERS = 8
 """A line of TUM's format: time, position, quaternion."""
@@ -64,11 +62,7 @@ def frame_times_s(
         return np.array([1e-9 * (known[number] - start_ns) for number in numbers])
     if scans_per_s is None:
         return None
-    rate_hz = finite_number("the scans a second", scans_per_s, "1/s")
-    if not 1.0 / MOST_HZ <= rate_hz <= MOST_HZ:
-        raise SettingsError(
-            f"the scans a second must be from {1 / MOST_HZ:g} to {MOST_HZ:g}, got {rate_hz:g}."
-        )
+    rate_hz = rate_of("the scans a second", scans_per_s)
     first = drive.frame_numbers[0]
     return np.array([(number - first) / rate_hz for number in numbers])
 

@@ -7,11 +7,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from intervis.arguments import object_of, whole_numbers_of
-from intervis.arrays import LARGEST_M, Float64Array, finite_rows
+from intervis.arrays import LARGEST_M, BoolArray, Float64Array, finite_rows
 from intervis.drives import Drive
 from intervis.errors import DriveError, SceneError, SettingsError
 from intervis.progress import Progress, silent
 from intervis.sight import Scene
+from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import finite_number
 from intervis.transform import inverse, transform
 from intervis.uses.objects import category_at
@@ -217,6 +218,18 @@ def distance_to_scans(scene: Scene, points: Float64Array) -> Float64Array:
     """Horizontal distance (M,) of points (M, 3) to the nearest place of a scanner, metres."""
     distance_m, _ = cKDTree(scene.poses[:, :2, 3]).query(points[:, :2])
     return np.asarray(distance_m)
+
+
+def hidden_eyes(scene: Scene, eyes: Float64Array, risk: float = DEFAULT_RISK) -> BoolArray:
+    """Which eyes (S, 3) no scanner within 60 m sees, and one does not see for certain.
+
+    They stand in an obstacle, or behind one: what they see themselves means little.
+    """
+    places = scene.poses[:, :3, 3]
+    _, eye, sight = scene.sight_within(places, eyes, FARTHEST_M, risk=risk)
+    visible = np.bincount(eye[sight.visible], minlength=len(eyes))
+    occluded = np.bincount(eye[sight.occluded], minlength=len(eyes))
+    return np.asarray((visible == 0) & (occluded > 0))
 
 
 def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -> Route:
