@@ -144,7 +144,7 @@ def _note_size(drive: "Drive", chosen: int, shown: int, request: "ViewRequest") 
     size_mb = estimated_bytes(shown, request.most_returns) / 1e6
     if size_mb > LARGE_MB:
         tell(f"note: the page will take up to {size_mb:,.0f} MB; --returns and --most reduce it.")
-    if drive.image_paths and not _has_pillow():
+    if (drive.image_paths or drive.image_readers) and not _has_pillow():
         tell("note: the page has no images: they need pip install 'intervis[plots]'.")
 
 

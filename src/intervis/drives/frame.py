@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # help() shows the names of the array types
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arguments import mapping_of, object_of, shown, whole_numbers_of
-from intervis.arrays import Float32Array, Float64Array, array_of, checked_points
+from intervis.arrays import Float32Array, Float64Array, UInt8Array, array_of, checked_points
 from intervis.camera import Camera, default_viewpoint
 from intervis.drives.boxes import Box
 from intervis.drives.deskew import TIME_NAMES, deskewed_points, point_times_ns
-from intervis.drives.image_file import checked_image_size_px
+from intervis.drives.image_file import decoded_image
 from intervis.drives.point_labels import read_labels
 from intervis.drives.pose_track import PoseTrack
-from intervis.errors import DriveError, MissingExtraError, PointsError
+from intervis.errors import DriveError, PointsError
 from intervis.transform import checked_pose
 
 
@@ -69,6 +68,8 @@ class Frame:
         Time of the scan, nanoseconds.
     image_path : Path or None
         The camera's image of this frame.
+    read_image : function, or None
+        Reads the image where it has no file of its own: see `image`.
     scan_path : Path or None
         The file that the points were read from.
     label_path : Path or None
@@ -98,6 +99,7 @@ class Frame:
     pose: Float64Array | None = None
     timestamp_ns: int | None = None
     image_path: Path | None = None
+    read_image: Callable[[], UInt8Array] | None = None
     scan_path: Path | None = None
     label_path: Path | None = None
     scanner: str = ""
@@ -138,7 +140,7 @@ class Frame:
         known = [f"{len(self.points):,} points"]
         if self.camera is not None:
             known.append(f"camera {self.camera.name}")
-        known += ["image"] if self.image_path is not None else []
+        known += ["image"] if self.has_image else []
         known += ["labels"] if self.label_path is not None else []
         known += ["pose"] if self.pose is not None else []
         known += ["timestamp"] if self.timestamp_ns is not None else []
@@ -246,6 +248,11 @@ class Frame:
         return (read_labels(self.label_path, len(self.points)) >> 16).astype(np.uint16)
 
     @property
+    def has_image(self) -> bool:
+        """Whether `image` reads one."""
+        return self.image_path is not None or self.read_image is not None
+
+    @property
     def image(self) -> NDArray[np.uint8] | None:
         """(H, W, 3) uint8 RGB image, decoded at each access; None where the frame has none.
 
@@ -256,17 +263,6 @@ class Frame:
         DriveError
             The file is not a readable image.
         """
-        if self.image_path is None:
-            return None
-        try:
-            from PIL import Image
-        except ImportError:
-            raise MissingExtraError("pillow", "plots", "Decoding an image") from None
-        checked_image_size_px(self.image_path)
-        try:
-            with warnings.catch_warnings(), Image.open(self.image_path) as image:
-                warnings.simplefilter("ignore")  # of damage that does not keep it from decoding
-                return np.asarray(image.convert("RGB"))
-        except Exception as error:  # Pillow raises various types on damaged files
-            reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
-            raise DriveError(f"cannot read the image {self.image_path}: {reason}.") from None
+        if self.image_path is not None:
+            return decoded_image(self.image_path, self.image_path)
+        return None if self.read_image is None else self.read_image()

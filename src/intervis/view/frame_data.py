@@ -69,7 +69,7 @@ def frame_data(
 
 def _reduced_image(frame: Frame) -> tuple[bytes | None, tuple[int, int] | None]:
     """The image as JPEG of at most `IMAGE_WIDTH_PX`, and its size; None without an image."""
-    if frame.image_path is None or frame.camera is None:
+    if not frame.has_image or frame.camera is None:
         return None, None
     try:
         image = frame.image

@@ -52,7 +52,7 @@ _WRITERS = {
         check=argoverse_writer.check_rig,
     ),
     "pcd": _Layout(("hdl-64e",), PcdWriter, check=pcd_writer.check_rig),
-    "mcap": _Layout(("os1-128",), McapWriter),
+    "mcap": _Layout(("os1-128",), McapWriter, has_images=True),
 }
 LAYOUTS = ("kitti", *_WRITERS)
 """The layouts by name."""
