@@ -361,7 +361,7 @@ def targets() -> dict[str, Call]:
             uses.targets_along,
             {
                 **{"scene": street(), "route": route(), "names": ["a", "b", "c", "d"]},
-                **{"targets": TARGETS, "at_pose_times": False, **step},
+                **{"targets": TARGETS, "at_pose_times": False, "progress": None, **step},
             },
         ),
         "zones_along": Call(
@@ -396,6 +396,7 @@ def targets() -> dict[str, Call]:
                 **{"scene": street(), "road": route(), "standard": uses.AASHTO},
                 **{"speed_mps": 8.0, "step_m": 5.0, "target_step_m": 2.0, "reach_m": 12.0},
                 **{"ignore_m": 0.0, "risk": 0.05, "moments_s": np.zeros((2, 1))},
+                "progress": None,
             },
         ),
         "survey_of": Call(
@@ -403,6 +404,7 @@ def targets() -> dict[str, Call]:
             {
                 **{"drive": drive(), "route": route(), "numbers": [0, 1], "spacing_m": 0.0},
                 **{"scans_per_s": 10.0, "sensor": "vlp-16", "max_bytes": 10**9},
+                "progress": None,
             },
         ),
         "route_on_road": Call(
@@ -451,7 +453,7 @@ def targets() -> dict[str, Call]:
             uses.frame_masks,
             {
                 **{"drive": drive(), "number": 1, "settings": uses.MaskSettings(grid())},
-                "cameras": {"made": drive()},
+                **{"cameras": {"made": drive()}, "progress": None},
             },
         ),
         "PosedScan": Call(
@@ -466,7 +468,7 @@ def targets() -> dict[str, Call]:
             {
                 **{"grid": grid(), "scans": [uses.PosedScan(points, pose(1.0))]},
                 **{"definition": "exact", "cameras": {"c": PosedCamera(camera(), CAM_FROM_VELO)}},
-                "keep_moving": False,
+                **{"keep_moving": False, "progress": None},
             },
         ),
     }

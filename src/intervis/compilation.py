@@ -10,7 +10,7 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.method.analysis import analyze
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Settings
 from intervis.sight import Scene, explain
 from intervis.sight.observed_profile import unobserved_parts
@@ -45,7 +45,7 @@ def warm_up(*, progress: Progress | None = None) -> None:
     """
     for name, part in PARTS.items():
         part()
-        (progress or silent)(name)
+        reporter(progress)(name)
 
 
 @contextmanager

@@ -4,7 +4,9 @@ Each layout has a module with ``EXPECTED_FILES`` (for the error message), ``find
 ``read_drive``.
 """
 
+import contextlib
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -31,6 +33,10 @@ from intervis.drives.frame import Frame, ScannerScan
 from intervis.errors import ArgumentError, DriveError
 
 __all__ = ["Box", "Drive", "Frame", "ScannerScan", "open_drive"]
+
+
+REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
+"""The start of an address that is no path: ``s3://``, ``gs://``, ``https://``."""
 
 
 class _Layout(NamedTuple):
@@ -115,20 +121,23 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
         raise DriveError(f"a camera must be a name or a number in a text, got {shown(camera)}.")
     try:
         given = path_of(path, "the path of a drive")
-        given = given.expanduser()
     except ArgumentError as error:
         raise DriveError(str(error)) from None
-    except RuntimeError:  # ~name of an unknown user
-        pass
+    with contextlib.suppress(RuntimeError):  # ~name of an unknown user
+        given = given.expanduser()
     try:
-        if "\0" in str(given) or not given.exists():
-            if "\0" not in str(given):
-                scene, topic = nuscenes.find_scene(given), ros_bag.find_topic(given.absolute())
-                if scene is not None:
-                    return nuscenes.read_drive(scene.resolve(), camera)
-                if topic is not None:
-                    return ros_bag.read_drive(topic.resolve(), camera)
-            raise DriveError(f"there is nothing at {' '.join(str(given).split())}: check the path.")
+        if not given.exists():
+            scene, topic = nuscenes.find_scene(given), ros_bag.find_topic(given.absolute())
+            if scene is not None:
+                return nuscenes.read_drive(scene.resolve(), camera)
+            if topic is not None:
+                return ros_bag.read_drive(topic.resolve(), camera)
+            if REMOTE.match(str(path)):
+                raise DriveError(
+                    f"{path} is no local path: copy or mount it (for example with rclone), and give"
+                    " the path of the copy."
+                )
+            raise DriveError(f"there is nothing at {given}: check the path.")
         root = given.resolve()
         if root.is_file():
             read_file = _FILE_READERS.get(root.suffix.lower(), single_scan.read_drive)

@@ -13,7 +13,7 @@ from intervis.drives import Drive, Frame
 from intervis.errors import DriveError, SettingsError
 from intervis.kernels import thread_count
 from intervis.live.stream import Stream
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight.query_checks import rate_of
 from intervis.transform import transform
 
@@ -158,7 +158,7 @@ def replay(
             answered = clock()
             taken.append((pushed - began, answered - pushed, answered - due))
             done.append(number)
-        (progress or silent)(f"frame {number}")
+        reporter(progress)(f"frame {number}")
     if not done:
         reason = next(iter(skipped.values()), "it has none")
         raise DriveError(f"no frame of {drive.name} could be replayed: {reason}")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from intervis.errors import DriveError, OutputError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.run.frame_file import FrameRecord
 from intervis.run.run_folder import Shard, finish, run_folder
 from intervis.run.stretch import (
@@ -148,7 +148,7 @@ def run_drive(
     if shard is not None:
         stretches = stretches[shard[0] - 1 :: shard[1]]
     with run_folder(out, head, settings, shard=shard, overwrite=overwrite):
-        records, failures = _collected(stretches, executor, progress or silent)
+        records, failures = _collected(stretches, executor, reporter(progress))
         reasons = [(failure.number, failure.reason) for failure in failures]
         content = summarize(head, records, reasons, complete=shard is None)
         if shard is None:

@@ -18,7 +18,7 @@ from intervis.errors import OutputError, ScanError
 from intervis.files import check_replaceable, write_whole
 from intervis.kernels import thread_count
 from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, REGION
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.view.frame_data import FrameData, frame_data
 from intervis.view.view_request import ViewRequest, fixed_place_world
@@ -107,7 +107,7 @@ def page_html(
         A frame lacks the camera or the pose that the request needs, or no scan can be read. Single
         scans that cannot be read are left out, with a warning.
     """
-    request, report = request or ViewRequest(), progress or silent
+    request, report = request or ViewRequest(), reporter(progress)
     fixed_world = None
     if request.is_fixed:
         fixed_world = fixed_place_world(drive[numbers[0]], request.viewpoint)

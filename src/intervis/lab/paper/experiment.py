@@ -13,7 +13,7 @@ from intervis.lab.truth.scores import matthews
 from intervis.method.analysis import Analysis, StageTimes, analyze
 from intervis.method.comparison import SightLines, global_points, interpolation_points
 from intervis.method.measures import Measures
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def run_frame(
     IntervisError
         The frame has no return that a method can use.
     """
-    progress = progress or silent
+    progress = reporter(progress)
     frame, settings, notes = usable(frame, Settings() if settings is None else settings)
     tau = printed_values.TAU_TABLE_4 if settings.tau == "auto" else settings.tau
     settings = settings.with_changes(tau=tau)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from intervis.arguments import object_of
 from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from intervis.errors import PointsError, SceneError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import positive_length
@@ -105,7 +105,7 @@ def route_sight(
             far = np.linalg.norm(in_order - eyes[part, None], axis=2) > range_m
         state[part, order] = np.where(far, OUT_OF_RANGE, sight.state)
         probability[part, order] = sight.probability
-        (progress or silent)(f"place {end} of {len(eyes)}")
+        reporter(progress)(f"place {end} of {len(eyes)}")
     return RouteSight(eyes, targets, state, probability)
 
 

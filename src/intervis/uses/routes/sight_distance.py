@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from intervis.arguments import object_of
 from intervis.arrays import BoolArray, Float64Array, numbers_of
 from intervis.errors import PointsError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import finite_number, positive_length
@@ -274,7 +274,7 @@ def sight_distances(
         objects_m = np.minimum(at_m + distance_m[ahead], road.length_m)
         worst = _worst_of(scene, road, float(at_m), objects_m, standard, risk, asked)
         state[nth, ahead], probability[nth, ahead], blocker[nth, ahead] = worst
-        (progress or silent)(f"chainage {at_m:.0f} m")
+        reporter(progress)(f"chainage {at_m:.0f} m")
     return SightDistances(
         *(standard, road, chainage_m, distance_m, speeds, grade, required_m),
         *(state, probability, blocker, ignore_m),

@@ -10,7 +10,7 @@ from intervis.arguments import object_of, whole_numbers_of
 from intervis.arrays import LARGEST_M, BoolArray, Float64Array, finite_rows
 from intervis.drives import Drive
 from intervis.errors import DriveError, SceneError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import finite_number
@@ -147,7 +147,7 @@ def scene_of_drive(
     chosen = _spaced(drive, list(numbers), 0.0)
     time_s = frame_times_s(drive, chosen, scans_per_s)
     scene = Scene(sensor=sensor, max_scans=len(chosen), max_bytes=max_bytes)
-    report = progress or silent
+    report = reporter(progress)
     for nth, number in enumerate(chosen):
         frame = drive[number]
         assert frame.pose is not None  # as _spaced has checked

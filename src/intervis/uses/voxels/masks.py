@@ -32,7 +32,7 @@ from intervis.arrays import (
     checked_points,
 )
 from intervis.errors import PointsError, SceneError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter, silent
 from intervis.sight import Scene
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.transform import checked_pose, transform
@@ -195,7 +195,7 @@ def masks_of(
         else [_without_moving(scan) for scan in returns]
     )
     make = {"exact": _exact, "semantickitti": _semantickitti, "occ3d": _occ3d}[definition]
-    return make(grid, kept, cameras or {}, progress or silent)
+    return make(grid, kept, cameras or {}, reporter(progress))
 
 
 def _without_moving(scan: PosedScan) -> PosedScan:
