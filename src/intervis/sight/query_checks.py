@@ -1,4 +1,4 @@
-"""Checks of what a query to a scene is given: lengths, times, risk, viewpoints, targets."""
+"""Checks of what a query to a scene is given: lengths, rates, risk, viewpoints, targets, boxes."""
 
 from typing import Any
 
@@ -6,10 +6,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arguments import shown
-from intervis.arrays import LARGEST_M, Float64Array, array_of, checked_point, checked_points
-from intervis.errors import PointsError, SettingsError
+from intervis.arrays import (
+    LARGEST_M,
+    Float64Array,
+    array_of,
+    checked_point,
+    checked_points,
+    numbers_of,
+)
+from intervis.errors import PointsError, PoseError, SettingsError
 from intervis.sight.kernels.parameters import Thresholds
 from intervis.sight.occupancy_model import RISK_RANGE, thresholds_for
+from intervis.transform import checked_pose
 
 LARGEST = 1e15
 """Numbers of any kind are no larger."""
@@ -90,6 +98,34 @@ def viewpoints_of(viewpoint: ArrayLike) -> Float64Array:
     if not np.isfinite(points).all():
         raise PointsError("every viewpoint must be three finite numbers in metres.")
     return points
+
+
+def boxes_of(scene_from_box: ArrayLike, size_m: ArrayLike) -> tuple[Float64Array, Float64Array]:
+    """Poses (B, 4, 4) and sizes (B, 3) of boxes, metres.
+
+    Raises
+    ------
+    PointsError
+        Poses and sizes differ in number, or a size is not positive and finite.
+    PoseError
+        A pose is no rigid motion.
+    """
+    sizes = np.atleast_2d(numbers_of(size_m, "size_m"))
+    if sizes.size and (sizes.ndim != 2 or sizes.shape[1] != 3):
+        raise PointsError(f"size_m must have the shape (B, 3), got {sizes.shape}.")
+    matrices = numbers_of(scene_from_box, "scene_from_box")
+    if matrices.size and matrices.ndim != 3:
+        raise PoseError(f"scene_from_box must have the shape (B, 4, 4), got {matrices.shape}.")
+    given = matrices if matrices.size else ()
+    poses = [checked_pose(pose, "scene_from_box") for pose in given]
+    sizes = sizes.reshape(-1, 3)
+    if len(poses) != len(sizes):
+        raise PointsError(
+            f"each box needs a pose and a size, got {len(poses)} poses and {len(sizes)} sizes."
+        )
+    if not ((sizes > 0.0) & (sizes <= LARGEST_M)).all():
+        raise PointsError("the sizes of boxes must be positive and finite, in metres.")
+    return np.array(poses).reshape(-1, 4, 4), sizes
 
 
 def targets_of(points: ArrayLike, name: str = "targets") -> Float64Array:

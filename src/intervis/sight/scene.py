@@ -19,7 +19,7 @@ from intervis.arrays import (
     finite_rows,
     numbers_of,
 )
-from intervis.errors import PointsError, PoseError, SceneError, SettingsError
+from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.answers import answer_lines, sum_lines
 from intervis.sight.box_sight import BoxSight, box_sight
 from intervis.sight.box_surface import facing_surfaces
@@ -28,6 +28,7 @@ from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.projected_scan import project_scan
 from intervis.sight.query_checks import (
+    boxes_of,
     finite_number,
     positive_length,
     targets_of,
@@ -348,20 +349,8 @@ class Scene:
         (array([1., 1., 0.]), array([0., 0., 1.]))
         """
         start = checked_place(viewpoint)
-        sizes = np.atleast_2d(numbers_of(size_m, "size_m"))
-        if sizes.size and (sizes.ndim != 2 or sizes.shape[1] != 3):
-            raise PointsError(f"size_m must have the shape (B, 3), got {sizes.shape}.")
-        sizes, matrices = sizes.reshape(-1, 3), numbers_of(scene_from_box, "scene_from_box")
-        if matrices.size and matrices.ndim != 3:
-            raise PoseError(f"scene_from_box must have the shape (B, 4, 4), got {matrices.shape}.")
-        poses = [checked_pose(pose, "scene_from_box") for pose in matrices] if matrices.size else []
-        if len(poses) != len(sizes):
-            raise PointsError(
-                f"each box needs a pose and a size, got {len(poses)} poses and {len(sizes)} sizes."
-            )
-        if not ((sizes > 0.0) & (sizes <= LARGEST_M)).all():
-            raise PointsError("the sizes of boxes must be positive and finite, in metres.")
-        surface = facing_surfaces(start, np.array(poses).reshape(-1, 4, 4), sizes)
+        poses, sizes = boxes_of(scene_from_box, size_m)
+        surface = facing_surfaces(start, poses, sizes)
         sight = self.sight(start, surface.points, risk=risk, moment_s=moment_s)
         return box_sight(start, surface, sight, len(sizes))
 
