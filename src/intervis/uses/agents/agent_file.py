@@ -72,7 +72,9 @@ def _number(path: Path, nth: int, key: str, text: str | None) -> float | None:
     except ValueError:
         value = math.nan
     if not abs(value) <= LARGEST_M:  # nor is NaN
-        raise CalibrationError(f"{path}, agent {nth}: {key} must be a number, got {text[:40]!r}.")
+        raise CalibrationError(
+            f"{path}, agent {nth}: {key} must be a number up to {LARGEST_M:g}, got {text[:40]!r}."
+        )
     return value
 
 
