@@ -120,6 +120,7 @@ FAR = np.array([1e308, 0.0, 0.0])
         (lambda: uses.frame_masks(None, 0, None), ArgumentError, "drive must be a Drive"),
         (lambda: uses.PosedScan(WALL, np.eye(4), labels=[1]), PointsError, "as many labels"),
         (lambda: uses.masks_of(GRID, []), SceneError, "masks need a scan of the frame itself"),
+        (lambda: intervis.warm_up(progress=3), ArgumentError, "progress must be a function"),
         (lambda: PosedCamera(None, np.eye(4)), ArgumentError, "camera must be a Camera"),
     ],
 )

@@ -43,9 +43,10 @@ def warm_up(*, progress: Progress | None = None) -> None:
     >>> import intervis
     >>> intervis.warm_up()
     """
+    report = reporter(progress)
     for name, part in PARTS.items():
         part()
-        reporter(progress)(name)
+        report(name)
 
 
 @contextmanager

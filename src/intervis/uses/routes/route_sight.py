@@ -86,7 +86,7 @@ def route_sight(
         As `intervis.Scene.sight`.
     """
     object_of(scene, Scene, "scene")
-    range_m = positive_length("max_range_m", max_range_m)
+    range_m, report = positive_length("max_range_m", max_range_m), reporter(progress)
     lines = len(eyes) * len(targets)
     if lines > MOST_LINES:
         raise SettingsError(
@@ -105,7 +105,7 @@ def route_sight(
             far = np.linalg.norm(in_order - eyes[part, None], axis=2) > range_m
         state[part, order] = np.where(far, OUT_OF_RANGE, sight.state)
         probability[part, order] = sight.probability
-        reporter(progress)(f"place {end} of {len(eyes)}")
+        report(f"place {end} of {len(eyes)}")
     return RouteSight(eyes, targets, state, probability)
 
 

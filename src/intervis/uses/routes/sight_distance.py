@@ -242,6 +242,7 @@ def sight_distances(
     object_of(scene, Scene, "scene")
     object_of(road, Route, "road")
     object_of(standard, SightStandard, "standard")
+    report = reporter(progress)
     if not np.isfinite(road.points).all():
         raise PointsError("the path has places without a height.")
     ignore_m = finite_number("ignore_m", ignore_m, "metres")
@@ -274,7 +275,7 @@ def sight_distances(
         objects_m = np.minimum(at_m + distance_m[ahead], road.length_m)
         worst = _worst_of(scene, road, float(at_m), objects_m, standard, risk, asked)
         state[nth, ahead], probability[nth, ahead], blocker[nth, ahead] = worst
-        reporter(progress)(f"chainage {at_m:.0f} m")
+        report(f"chainage {at_m:.0f} m")
     return SightDistances(
         *(standard, road, chainage_m, distance_m, speeds, grade, required_m),
         *(state, probability, blocker, ignore_m),
