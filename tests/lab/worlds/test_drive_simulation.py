@@ -107,7 +107,7 @@ SCANNERS = {
 def truth(layout: str, motion: bool = False, seed: int = 0) -> SimulatedDrive:
     """What the drive of a layout is made of, simulated once more."""
     scanners = [mounted(text) for text in SCANNERS[layout]]
-    cameras = layout in ("nuscenes", "argoverse2")
+    cameras = layout in ("nuscenes", "argoverse2", "mcap")
     return SimulatedDrive.of(small_world(seed), scanners, seed=seed, cameras=cameras, motion=motion)
 
 

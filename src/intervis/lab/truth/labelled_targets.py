@@ -57,7 +57,7 @@ class HeldOutSettings:
     def __post_init__(self) -> None:
         checked_targets(self.targets)
         if self.rate_hz is not None:
-            rate_of("the scans a second", self.rate_hz)
+            rate_of("the rate of scans", self.rate_hz)
 
     def timestamps_ns(self, drive: Drive) -> Mapping[int, int]:
         """Time of each frame of a drive; none where neither times nor a rate are known."""
