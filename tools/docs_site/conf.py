@@ -12,6 +12,7 @@ sys.path.insert(0, str(HERE))
 
 import formulas  # noqa: E402
 import pages  # noqa: E402
+from pygments.lexers.special import TextLexer  # noqa: E402
 
 import intervis  # noqa: E402
 
@@ -36,7 +37,7 @@ html_theme = "furo"
 html_title = "intervis"
 html_static_path = [str(HERE / "static")]
 html_css_files = ["site.css"]
-html_math_renderer = "mathml"
+html_math_renderer = "drawn"
 html_copy_source = False
 html_theme_options = {
     "source_repository": "https://github.com/intervis/intervis",
@@ -56,10 +57,11 @@ def _unknown_name(app: Any, env: Any, node: Any, content: Any) -> Any:
 
 def setup(app: Any) -> None:
     """What Sphinx calls first."""
+    app.add_lexer("csv", TextLexer)
     app.connect("source-read", _read)
     app.connect("missing-reference", _unknown_name)
     app.add_html_math_renderer(
-        "mathml",
+        "drawn",
         inline_renderers=(formulas.write_inline, None),
         block_renderers=(formulas.write_block, None),
     )
