@@ -9,8 +9,6 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from page_screenshot import reduce_colours
-
 from intervis.drives import Frame, open_drive
 from intervis.lab.worlds import simulate
 from intervis.method.analysis import Analysis, analyze
@@ -26,6 +24,7 @@ from intervis.plots.style import (
     save_figure,
 )
 from intervis.settings import Settings
+from page_screenshot import reduce_colours
 
 FRAME = 4
 X_M, Y_M = (-1.0, 33.0), (-11.0, 11.0)

@@ -35,6 +35,7 @@ RIGHT_AND_UP = np.array([[64.0, 0.0], [25.0, -22.0], [0.0, -58.0]])
 ORIGIN = np.array([40.0, 226.0])
 
 Places = NDArray[np.float64]
+Pixel = tuple[float, float]
 
 
 def main() -> int:
@@ -91,22 +92,19 @@ def structure() -> list[str]:
 def sections() -> list[str]:
     """Lines 6 and 8 in the upright plane through P0 and i: what each adds."""
     parts: list[str] = []
-    for left, title, j, text in (
-        (0, "line 6", (278, 118), ("beyond i, and seen", "under a larger angle")),
-        (360, "line 8", (146, 214), ("in front of i, and seen", "under a smaller angle")),
+    for left, title, far, j, text in (
+        (0, "line 6", 100, (278, 118), ("beyond i, and seen", "under a larger angle")),
+        (360, "line 8", 140, (146, 214), ("in front of i, and seen", "under a smaller angle")),
     ):
         eye, i = (left + 40, 96), (left + 206, 178)
         end = (left + j[0], j[1])
         parts += [
-            f'<path d="M{left + 20} 236 Q{left + 120} 232 {i[0]} {i[1]} T{left + 330} 100" '
-            f'fill="none" stroke="{REGION}" stroke-width="5" stroke-linecap="round"/>'
-            if title == "line 6"
-            else f'<path d="M{left + 20} 236 Q{left + 120} 232 {i[0]} {i[1]} T{left + 330} 140" '
-            f'fill="none" stroke="{REGION}" stroke-width="5" stroke-linecap="round"/>',
+            f'<path d="M{left + 20} 236 Q{left + 120} 232 {i[0]} {i[1]} T{left + 330} {far}"'
+            f' fill="none" stroke="{REGION}" stroke-width="5" stroke-linecap="round"/>',
             stroke(eye, i, INK, 2.0),
             stroke(eye, end, NODE, 1.6, "5 4"),
             stroke(i, end, NODE, 2.6),
-            stroke(*across_sight(eye, i, 62), INTERVISIBLE, 1.6, "2 4"),
+            stroke(*trace(eye, i, 62), INTERVISIBLE, 1.6, "2 4"),
             spot(eye, INK, 6),
             spot(i, INK, 6),
             spot(end, NODE, 6),
@@ -115,27 +113,28 @@ def sections() -> list[str]:
             words((left + 92, 50), text[1], INK),
             words((eye[0] - 8, eye[1] - 14), "P₀", INK),
             words((i[0] + 2, i[1] + 26), "i", INK, "italic"),
-            words((end[0] + 4, end[1] + (26 if title == "line 6" else 25)), "j", NODE, "italic"),
+            words((end[0] + 4, end[1] + 26), "j", NODE, "italic"),
         ]
     return parts
 
 
-def across_sight(eye: tuple[float, float], i: tuple[float, float], reach: float) -> list[
-    tuple[float, float]
-]:
+def trace(eye: Pixel, i: Pixel, reach: float) -> tuple[Pixel, Pixel]:
     """The trace of plane P_i: through i, at right angles to the line from the viewpoint."""
     along = unit(np.subtract(i, eye).astype(np.float64))
-    return [(i[0] + s * reach * along[1], i[1] - s * reach * along[0]) for s in (-0.75, 1)]
+    right, down = float(reach * along[1]), float(-reach * along[0])
+    return (i[0] - 0.75 * right, i[1] - 0.75 * down), (i[0] + right, i[1] + down)
 
 
 def unit(vector: Places) -> Places:
     """A vector of length 1."""
-    return np.asarray(vector / np.linalg.norm(vector))
+    direction: Places = vector / np.linalg.norm(vector)
+    return direction
 
 
 def on_paper(places: Iterable[Places] | Places) -> Places:
     """(K, 2) pixels of (K, 3) places."""
-    return np.asarray(list(places)) @ RIGHT_AND_UP + ORIGIN
+    paper: Places = np.asarray(list(places)) @ RIGHT_AND_UP + ORIGIN
+    return paper
 
 
 def path_of(places: Iterable[Places] | Places) -> str:
@@ -155,9 +154,7 @@ def line(a: Places, b: Places, colour: str, width: float, dashes: str = "") -> s
     return stroke((x1, y1), (x2, y2), colour, width, dashes)
 
 
-def stroke(
-    a: tuple[float, float], b: tuple[float, float], colour: str, width: float, dashes: str = ""
-) -> str:
+def stroke(a: Pixel, b: Pixel, colour: str, width: float, dashes: str = "") -> str:
     """A straight line on paper."""
     dash = f' stroke-dasharray="{dashes}"' if dashes else ""
     ends = f'x1="{a[0]:.1f}" y1="{a[1]:.1f}" x2="{b[0]:.1f}" y2="{b[1]:.1f}"'
@@ -185,7 +182,7 @@ def dot(place: Places, colour: str, radius: float, rim: str = "white") -> str:
     return spot((x, y), colour, radius, rim)
 
 
-def spot(at: tuple[float, float], colour: str, radius: float, rim: str = "white") -> str:
+def spot(at: Pixel, colour: str, radius: float, rim: str = "white") -> str:
     """A disc on paper."""
     place = f'cx="{at[0]:.1f}" cy="{at[1]:.1f}"'
     return f'<circle {place} r="{radius}" fill="{colour}" stroke="{rim}" stroke-width="1.4"/>'
@@ -194,7 +191,7 @@ def spot(at: tuple[float, float], colour: str, radius: float, rim: str = "white"
 def label(
     place: Places,
     text: str,
-    shift: tuple[float, float],
+    shift: Pixel,
     colour: str = INK,
     style: str = "normal",
     subscript: str = "",
@@ -205,7 +202,7 @@ def label(
 
 
 def words(
-    at: tuple[float, float],
+    at: Pixel,
     text: str,
     colour: str,
     style: str = "normal",

@@ -37,7 +37,7 @@ CONTENTS: dict[str, dict[str, str]] = {
     },
     "Development": {"extending": "Extending", "testing": "Tests", "releasing": "Releasing"},
 }
-"""Captions of the side bar; below each the pages of docs/, without ``.md``, and their titles there."""
+"""Captions of the side bar; below each pages of docs/, without ``.md``, and their titles there."""
 
 REFERENCE = ["sight", "drives", "method", "run", "objects", "voxels", "routes", "agents", "errors"]
 """Pages of docs/reference, below the page ``reference``."""

@@ -1,4 +1,4 @@
-"""Formulas as drawings within the page, which look alike everywhere: no script, no font, no network.
+"""Formulas as drawings within the page: no script, no font, no network.
 
 MathML would be shorter, but few systems have a font that browsers need to draw it well.
 """

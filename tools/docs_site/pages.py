@@ -54,7 +54,7 @@ def _with_docstrings(text: str) -> str:
 
 
 def _description(name: str, text: str) -> str:
-    """reStructuredText that documents one name; a constant has no docstring but its row's text."""
+    """Markup that documents one name; a constant has no docstring but its row's text."""
     module, _, attribute = name.rpartition(".")
     value = getattr(import_module(module), attribute)
     if inspect.isclass(value):
