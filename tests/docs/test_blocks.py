@@ -21,7 +21,7 @@ from intervis.lab.worlds.drive_simulation import simulate_drive
 from intervis.lab.worlds.mounted_scanner import mounted
 from small_drive import scan_folder
 
-FRAMES = 20
+FRAMES = 18
 """Frames of the drive: as many as the pages speak of."""
 
 LABELLED = ("docs/objects.md", "docs/agents.md")
@@ -66,7 +66,7 @@ def drives(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("pages")
     scanner = mounted("vlp-16")  # a fifth of the returns of the default scanner
     simulate(folder / "DRIVE", frames=FRAMES, scanner=scanner, images=False)
-    simulate_drive(folder / "BOXES", "argoverse2", ["vlp-16", "vlp-16@under"], frames=2)
+    simulate_drive(folder / "BOXES", "argoverse2", ["vlp-16", "vlp-16@under"], frames=1)
     for number, name in enumerate("ABC"):
         scan_folder(folder / name, (number, number + 1))
     return folder

@@ -155,6 +155,12 @@ def test_the_site_leads_from_links_to_source_to_the_repository(site):
     assert "[d](../sight.md)" in pages.as_site_page("reference/agents", "[d](../sight.md)")
 
 
+def test_the_site_leads_from_docstrings_to_pages(site):
+    _, pages = site
+    shown = pages.as_site_docstring("`docs/accuracy.md`, ``docs/sight.md``, `tau`")
+    assert shown == ":doc:`/accuracy`, :doc:`/sight`, `tau`"
+
+
 def test_the_site_describes_each_name_of_a_table(site):
     _, pages = site
     row = "| [`intervis.{0}`](../../src/intervis/errors.py) | Text. |"

@@ -50,6 +50,10 @@ def _read(app: Any, page: str, source: list[str]) -> None:
     source[0] = pages.as_site_page(page, source[0])
 
 
+def _docstring(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    lines[:] = map(pages.as_site_docstring, lines)
+
+
 def _unknown_name(app: Any, env: Any, node: Any, content: Any) -> Any:
     """A name in single backticks that is no documented name, such as an argument: no link."""
     return content if node["reftype"] == "obj" else None
@@ -59,6 +63,7 @@ def setup(app: Any) -> None:
     """What Sphinx calls first."""
     app.add_lexer("csv", TextLexer)
     app.connect("source-read", _read)
+    app.connect("autodoc-process-docstring", _docstring)
     app.connect("missing-reference", _unknown_name)
     app.add_html_math_renderer(
         "drawn",

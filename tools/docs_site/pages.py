@@ -14,6 +14,7 @@ from contents import toctrees
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SOURCE = "https://github.com/intervis/intervis"
 OUTSIDE = re.compile(r"\]\(((?:\.\./)+)([^)#\s]*)(#[^)\s]*)?\)")
+PAGE_IN_DOCSTRING = re.compile(r"`{1,2}docs/(\w+)\.md`{1,2}")
 NAME_ROW = re.compile(r"^\| \[`(?P<name>[\w.]+)`\]\((?P<file>[^)]+)\) \| (?P<text>.*) \|$", re.M)
 
 
@@ -30,6 +31,11 @@ def as_site_page(page: str, text: str) -> str:
     if page.startswith("reference/"):
         text = _with_docstrings(text)
     return _with_links_to_source(page, text) + toctrees(page)
+
+
+def as_site_docstring(line: str) -> str:
+    """A line of a docstring, in which the file of a page becomes a link to the page."""
+    return PAGE_IN_DOCSTRING.sub(r":doc:`/\1`", line)
 
 
 def _with_links_to_source(page: str, text: str) -> str:
