@@ -14,7 +14,7 @@ from intervis.uses.blind_spots import BlindSpot
 from intervis.uses.objects import ObjectSight
 from intervis.uses.visibility_grid import VisibilityGrid, blind_cells
 from intervis.view.columns import Columns
-from intervis.view.verdicts import PER_M
+from intervis.view.judged_frame import PER_M
 
 log = logging.getLogger(__name__)
 

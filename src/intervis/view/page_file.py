@@ -3,27 +3,23 @@
 import base64
 import html
 import json
-import logging
 import re
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import intervis
-from intervis.arrays import Float64Array
 from intervis.drives import Drive
-from intervis.errors import OutputError, ScanError
-from intervis.files import check_replaceable, write_whole
-from intervis.kernels import thread_count
+from intervis.files import write_whole
 from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, REGION
-from intervis.progress import Progress, silent
+from intervis.progress import Progress
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.view.frame_data import FrameData, frame_data
-from intervis.view.view_request import ViewRequest, fixed_place_world
-
-log = logging.getLogger(__name__)
+from intervis.view.frame_stream import FrameSink, judge_frames
+from intervis.view.judged_frame import JudgedFrame
+from intervis.view.own_file import check_own_file
+from intervis.view.view_request import ViewRequest
 
 MODULES = (
     *("numbers", "blocks", "verdicts", "matrices", "orbit", "renderer", "palette", "layers"),
@@ -36,9 +32,6 @@ IMPORT = re.compile(r"^import\s[^;]*;\n", re.MULTILINE)
 EXPORT = re.compile(r"^export ", re.MULTILINE)
 CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 """Control characters, and those that change the direction of text."""
-
-MOST_THREADS = 4
-"""Frames that are judged at a time: each takes some 100 MB."""
 
 GENERATOR = b'<meta name="generator" content="intervis view">'
 """In the head of each page: such files may be replaced."""
@@ -75,12 +68,28 @@ COLOURS: dict[str, dict[str, Any]] = {
 ON_IMAGE = {"visible": "#3fa7cc", "occluded": "#ff4f7b", "unknown": "#e6e9ed"}
 
 
+class PageFrames:
+    """Takes judged frames, and keeps what a page stores of them, in order."""
+
+    def __init__(self) -> None:
+        self.frames: list[FrameData] = []
+
+    def prepare(self, judged: JudgedFrame) -> FrameData:
+        """What the page stores of a frame."""
+        return frame_data(judged)
+
+    def add(self, prepared: FrameData) -> None:
+        """Keep it."""
+        self.frames.append(prepared)
+
+
 def page_html(
     drive: Drive,
     numbers: Sequence[int],
     request: ViewRequest | None = None,
     *,
     is_served: bool = False,
+    also: Sequence[FrameSink] = (),
     progress: Progress | None = None,
 ) -> bytes:
     """Judge frames of a drive, and put them into a page.
@@ -93,6 +102,8 @@ def page_html(
     request : ViewRequest, optional
     is_served : bool
         Whether `intervis.view.server` will answer the page's questions.
+    also : sequence of FrameSink
+        What else takes the judged frames: recordings.
     progress : callable, optional
         Called after each frame.
 
@@ -107,11 +118,10 @@ def page_html(
         A frame lacks the camera or the pose that the request needs, or no scan can be read. Single
         scans that cannot be read are left out, with a warning.
     """
-    request, report = request or ViewRequest(), progress or silent
-    fixed_world = None
-    if request.is_fixed:
-        fixed_world = fixed_place_world(drive[numbers[0]], request.viewpoint)
-    frames = _frames(drive, numbers, request, fixed_world, report)
+    request = request or ViewRequest()
+    page = PageFrames()
+    judge_frames(drive, numbers, request, [page, *also], progress)
+    frames = page.frames
     named_viewpoint = request.viewpoint if isinstance(request.viewpoint, str) else None
     content = {
         "drive": shown(drive.name),
@@ -140,34 +150,6 @@ def page_html(
     return text.encode("utf-8", errors="backslashreplace")
 
 
-def _frames(
-    drive: Drive,
-    numbers: Sequence[int],
-    request: ViewRequest,
-    fixed_world: Float64Array | None,
-    report: Progress,
-) -> list[FrameData]:
-    """The data of all frames, a few at a time: reading and packing leave cores idle."""
-    with ThreadPoolExecutor(min(thread_count(), MOST_THREADS)) as pool:
-        begun = [pool.submit(frame_data, drive, number, request, fixed_world) for number in numbers]
-        try:
-            frames: list[FrameData] = []
-            unreadable: ScanError | None = None
-            for number, one in zip(numbers, begun, strict=True):
-                try:
-                    frames.append(one.result())
-                except ScanError as error:
-                    log.warning("frame %d is left out: %s", number, error)
-                    unreadable = unreadable or error
-                report(f"frame {number}")
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    if unreadable is not None and not frames:
-        raise unreadable
-    return frames
-
-
 def save_page(path: Path, content: bytes) -> None:
     """Write a page whole or not at all; only an earlier page is replaced.
 
@@ -181,25 +163,8 @@ def save_page(path: Path, content: bytes) -> None:
 
 
 def check_page(path: Path) -> None:
-    """Check before the work that a page can be written to a path.
-
-    Raises
-    ------
-    OutputError
-        Another file stands there, or no regular file.
-    """
-    target = check_replaceable(path)
-    if not target.exists():
-        return
-    try:
-        with open(target, "rb") as file:
-            head = file.read(2048)
-    except OSError as error:
-        raise OutputError(f"cannot read {path}: {error.strerror}.") from None
-    if head and GENERATOR not in head:
-        raise OutputError(
-            f"{path} was not written by 'intervis view' and was not changed: choose another file."
-        )
+    """Check before the work that a page can be written to a path: see `check_own_file`."""
+    check_own_file(path, GENERATOR)
 
 
 def script() -> str:

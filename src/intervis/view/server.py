@@ -21,7 +21,8 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.drives import Drive
 from intervis.errors import IntervisError, OutputError, PointsError
-from intervis.view.frame_judge import FrameJudge
+from intervis.view.frame_data import frame_content, line_content
+from intervis.view.frame_judge import FrameJudge, frame_judge
 from intervis.view.view_request import ViewRequest
 
 log = logging.getLogger(__name__)
@@ -120,8 +121,9 @@ class ViewServer(ThreadingHTTPServer):
             judge = self._judge(question.get("frame"))
             start = _place(question.get("from"), "from")
             if path == "/line":
-                return judge.line(start, _place(question.get("to"), "to"))
-            header, block = judge.content(start)
+                line = judge.line(start, _place(question.get("to"), "to"))
+                return line_content(line, judge.scene, judge.moment_s)
+            header, block = frame_content(judge.judged(start))
         return {"header": header, "block": base64.b64encode(block).decode("ascii")}
 
     def _judge(self, number: Any) -> FrameJudge:
@@ -129,7 +131,7 @@ class ViewServer(ThreadingHTTPServer):
         if isinstance(number, bool) or not isinstance(number, int) or number not in self._numbers:
             raise PointsError("frame must be the number of a frame of the page.")
         if number not in self._judges:
-            self._judges[number] = FrameJudge(self._drive, number, self._request)
+            self._judges[number] = frame_judge(self._drive, number, self._request)
             while len(self._judges) > KEPT_FRAMES:
                 self._judges.popitem(last=False)
         self._judges.move_to_end(number)
