@@ -7,14 +7,13 @@ import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import intervis
 from intervis.drives import Drive
 from intervis.files import write_whole
-from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, REGION
 from intervis.progress import Progress
 from intervis.sight.occupancy_model import DEFAULT_RISK
+from intervis.view.colours import COLOURS, ON_IMAGE, VIRIDIS
 from intervis.view.frame_data import FrameData, frame_data
 from intervis.view.frame_stream import FrameSink, judge_frames
 from intervis.view.judged_frame import JudgedFrame
@@ -35,37 +34,6 @@ CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 GENERATOR = b'<meta name="generator" content="intervis view">'
 """In the head of each page: such files may be replaced."""
-
-VIRIDIS = (
-    *("#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c"),
-    *("#28ae80", "#5ec962", "#addc30", "#fde725"),
-)
-
-COLOURS: dict[str, dict[str, Any]] = {
-    "light": {
-        "visible": INTERVISIBLE,
-        "occluded": NODE,
-        "unknown": FAINT,
-        "region": REGION,
-        "ink": INK,
-        "line": "#59616b",
-        "faint": "#8a9099",
-        "background": "#ffffff",
-    },
-    "dark": {
-        "visible": "#3fa7cc",
-        "occluded": "#f0587a",
-        "unknown": "#6b737e",
-        "region": REGION,
-        "ink": "#e6e9ed",
-        "line": "#c6cad1",
-        "faint": "#7d858f",
-        "background": "#14171b",
-    },
-}
-"""The colours of `intervis.plots.style`, and lighter ones of the same hues on a dark ground."""
-
-ON_IMAGE = {"visible": "#3fa7cc", "occluded": "#ff4f7b", "unknown": "#e6e9ed"}
 
 
 class PageFrames:
