@@ -8,6 +8,9 @@ from intervis.view.view_request import ViewRequest
 SENSOR = "world/sensor"
 """Entity of the sensor frame; what a frame shows stands below it."""
 
+PROBABILITY_COLOUR = "probability_colour"
+"""Component of the returns: the colour of their probability, which a view shows instead."""
+
 HIDDEN_LAYERS = ("blind_spots", "method")
 """Layers that are switched on by the eye beside their name, as on the page."""
 
@@ -19,19 +22,15 @@ def blueprint(drive: Drive, request: ViewRequest) -> Any:
 
     hidden = rrb.EntityBehavior(visible=False)
     layers = {f"{SENSOR}/{name}": hidden for name in HIDDEN_LAYERS}
-    contents = ["$origin/**", f"- /{SENSOR}/returns_by_probability"]
     eye = rrb.EyeControls3D(position=(-22.0, 0.0, 16.0), look_target=(8.0, 0.0, -1.0))
-    by_state = rrb.Spatial3DView(
-        origin=SENSOR, name="Sight", contents=contents, overrides=layers, eye_controls=eye
-    )
+    by_state = rrb.Spatial3DView(origin=SENSOR, name="Sight", overrides=layers, eye_controls=eye)
     by_probability = rrb.Spatial3DView(
         origin=SENSOR,
         name="Probability",
-        contents=["$origin/**", f"- /{SENSOR}/returns"],
-        overrides=layers,
+        overrides={**layers, f"{SENSOR}/returns": _by_probability()},
         eye_controls=eye,
     )
-    world = rrb.Spatial3DView(origin="world", name="World", contents=contents, overrides=layers)
+    world = rrb.Spatial3DView(origin="world", name="World", overrides=layers)
     scans = [by_state, by_probability, *([world] if drive.poses else [])]
     beside: list[Any] = []
     if drive.camera_name is not None:
@@ -53,7 +52,11 @@ def blueprint(drive: Drive, request: ViewRequest) -> Any:
         others.append(rrb.TextLogView(origin="sight_lines", name="Sight lines"))
     beside.append(rrb.Tabs(*others))
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Tabs(*scans), rrb.Vertical(*beside), column_shares=[3, 2]),
+        rrb.Horizontal(
+            rrb.Tabs(*scans),
+            rrb.Vertical(*beside, row_shares=[4, 3, 3][-len(beside) :]),
+            column_shares=[3, 2],
+        ),
         rrb.BlueprintPanel(state=rr.blueprint.components.PanelState.Collapsed),
         rrb.SelectionPanel(state=rr.blueprint.components.PanelState.Collapsed),
         rrb.TimePanel(
@@ -62,3 +65,16 @@ def blueprint(drive: Drive, request: ViewRequest) -> Any:
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _by_probability() -> Any:
+    """The returns in the colours of `PROBABILITY_COLOUR` instead of those of their states."""
+    import rerun as rr
+    from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
+
+    mapping = VisualizerComponentMapping(
+        "Points3D:colors",
+        ComponentSourceKind.SourceComponent,
+        source_component=PROBABILITY_COLOUR,
+    )
+    return rr.Points3D.from_fields().visualizer(mappings=[mapping])

@@ -160,11 +160,12 @@ class RerunSink:
         """Record a frame."""
         stream, frame = self._stream, prepared.frame
         stream.set_time("frame", sequence=frame.number)
-        time_ns = self._clock.time_ns(frame.number)
-        if self._clock.is_epoch:
-            stream.set_time("time", timestamp=np.datetime64(time_ns, "ns"))
-        else:
-            stream.set_time("time", duration=np.timedelta64(time_ns, "ns"))
+        if self._clock.is_measured:
+            time_ns = self._clock.time_ns(frame.number)
+            if self._clock.is_epoch:
+                stream.set_time("time", timestamp=np.datetime64(time_ns, "ns"))
+            else:
+                stream.set_time("time", duration=np.timedelta64(time_ns, "ns"))
         self._layers.place(self._world_from_velo(frame.pose))
         self._layers.log(prepared)
         stream.flush(timeout_sec=FLUSH_S)

@@ -16,7 +16,7 @@ from intervis.view.judged_frame import JudgedFrame
 from intervis.view.recordings.measures import STATES, frame_measures
 from intervis.view.recordings.object_look import object_label, state_of_object
 from intervis.view.recordings.placement import placement, velo_from_pinhole
-from intervis.view.recordings.rerun_blueprint import SENSOR
+from intervis.view.recordings.rerun_blueprint import PROBABILITY_COLOUR, SENSOR
 from intervis.view.reduced_image import reduced_camera
 
 PALETTE = COLOURS["dark"]
@@ -34,9 +34,7 @@ def static_entities() -> Iterator[tuple[str, Any]]:
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
     classes = [(number, name, rgb(PALETTE[name])) for number, name in enumerate(STATES)]
     yield "/", rr.AnnotationContext(classes)
-    size = rr.Points3D.from_fields(radii=rr.Radius.ui_points(RETURN_PX))
-    for name in ("returns", "returns_by_probability"):
-        yield f"{SENSOR}/{name}", size
+    yield f"{SENSOR}/returns", rr.Points3D.from_fields(radii=rr.Radius.ui_points(RETURN_PX))
     for name in STATES:
         lines = rr.SeriesLines(colors=[rgb(PALETTE[name])], names=[name])
         yield f"measures/{name}_percent", lines
@@ -81,15 +79,15 @@ class Layers:
     def _log_returns(self, judged: JudgedFrame) -> None:
         import rerun as rr
 
-        points = judged.points.astype(np.float32)
         probability = judged.sight.probability
-        values = rr.AnyValues(
-            probability=probability.astype(np.float32), row=judged.rows.astype(np.uint32)
-        )
+        values: dict[str, Any] = {
+            "probability": probability.astype(np.float32),
+            PROBABILITY_COLOUR: packed_colours(on_scale(probability)),
+            "row": judged.rows.astype(np.uint32),
+        }
         classes = class_numbers(judged.sight.state)
-        self._log(f"{SENSOR}/returns", rr.Points3D(points, class_ids=classes), values)
-        coloured = rr.Points3D(points, colors=on_scale(probability))
-        self._log(f"{SENSOR}/returns_by_probability", coloured)
+        points = rr.Points3D(judged.points.astype(np.float32), class_ids=classes)
+        self._log(f"{SENSOR}/returns", points, rr.AnyValues(**values))
 
     def _log_camera(self, judged: JudgedFrame) -> None:
         import rerun as rr
@@ -159,6 +157,18 @@ def class_numbers(states: NDArray[Any]) -> NDArray[np.uint16]:
     [1, 0, 2]
     """
     return np.where(states == UNKNOWN, CLASS_OF_STATE[UNKNOWN], states).astype(np.uint16)
+
+
+def packed_colours(colours: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """(N,) opaque colours (N, 3) as 0xRRGGBBAA.
+
+    Examples
+    --------
+    >>> f"{packed_colours(np.array([[1, 2, 255]], np.uint8))[0]:08x}"
+    '0102ffff'
+    """
+    red, green, blue = colours.astype(np.uint32).T
+    return np.asarray(red << 24 | green << 16 | blue << 8 | 255, np.uint32)
 
 
 def _transform(parent_from_child: Float64Array) -> Any:
