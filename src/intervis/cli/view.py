@@ -128,9 +128,9 @@ def view(
         ends=given_ends,
         risk=DEFAULT_RISK if risk is None else risk,
         memory=memory,
+        most_frames=ViewRequest.most_frames if most is None else most,
         most_returns=returns,
         has_blind_spots=blind_spots,
-        **({} if most is None else {"most_frames": most}),
     )
     chosen = selected_frames(drive.frame_numbers, frame_range)
     thinned = has_page or most is not None

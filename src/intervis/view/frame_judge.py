@@ -1,7 +1,5 @@
 """One frame with the scans around it, judged from any viewpoint."""
 
-from functools import cached_property
-
 import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
@@ -30,23 +28,26 @@ class FrameJudge:
     request : ViewRequest
     remembered : list of int
         Numbers of the other frames in the scene.
+    moment_s : float or None
+        The query time: see `intervis.Scene.sight`.
     """
 
     def __init__(
-        self, frame: Frame, scene: Scene, request: ViewRequest, remembered: list[int]
+        self,
+        frame: Frame,
+        scene: Scene,
+        request: ViewRequest,
+        remembered: list[int],
+        moment_s: float | None,
     ) -> None:
         self.frame = frame
         self.scene = scene
+        self.moment_s = moment_s
         self._request = request
         self._remembered = remembered
         self._rows = thinned_rows(frame.points, request.most_returns)
         points = frame.points[self._rows, :3].astype(np.float64)
         self._centimetres: IntArray = np.rint(points * PER_M).astype(np.int64)
-
-    @cached_property
-    def moment_s(self) -> float | None:
-        """The query time: that of the frame, if all scans have timestamps."""
-        return query_moment_s(self.scene)
 
     def line(self, start: Float64Array, end: Float64Array) -> SightLine:
         """One line explained."""
@@ -70,7 +71,7 @@ class FrameJudge:
             tuple(self.line(viewpoint, end) for end in ends),
             self._objects(viewpoint),
             self._grid(viewpoint, points) if request.has_blind_spots else None,
-            analysis_of(self.frame, viewpoint),
+            analysis_of(self.frame, viewpoint) if request.has_method else None,
             float(self.scene.ground_height(viewpoint[None, :2])[0]),
         )
 
@@ -103,4 +104,5 @@ def frame_judge(drive: Drive, number: int, request: ViewRequest) -> FrameJudge:
     """
     frame = drive[number]
     remembered = remembered_frames(drive, number, request.memory)
-    return FrameJudge(frame, registered_scene(drive, frame, remembered), request, remembered)
+    scene = registered_scene(drive, frame, remembered)
+    return FrameJudge(frame, scene, request, remembered, query_moment_s(scene))

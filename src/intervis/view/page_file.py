@@ -89,10 +89,38 @@ def page_html(
     request = request or ViewRequest()
     page = PageFrames()
     judge_frames(drive, numbers, request, [page, *also], progress)
-    frames = page.frames
+    lead = _lead(len(drive.frame_numbers), page.frames, request)
+    return page_of_frames(drive.name, lead, page.frames, request, is_served=is_served)
+
+
+def page_of_frames(
+    name: str,
+    lead: str,
+    frames: Sequence[FrameData],
+    request: ViewRequest,
+    *,
+    is_served: bool = False,
+    has_command: bool = True,
+) -> bytes:
+    """Put frames into a page.
+
+    Parameters
+    ----------
+    name : str
+        Of the drive: the title.
+    lead : str
+        What is shown.
+    frames : sequence of FrameData
+    request : ViewRequest
+    is_served : bool
+        Whether `intervis.view.server` will answer the page's questions.
+    has_command : bool
+        Whether ``intervis sight NAME`` gives the explanations of the page.
+    """
     named_viewpoint = request.viewpoint if isinstance(request.viewpoint, str) else None
     content = {
-        "drive": shown(drive.name),
+        "drive": shown(name),
+        "has_command": has_command,
         "risk": request.risk,
         "default_risk": DEFAULT_RISK,
         "viewpoint": None if request.is_fixed else named_viewpoint,
@@ -104,8 +132,8 @@ def page_html(
         "frames": [frame.header for frame in frames],
     }
     parts = {
-        "TITLE": html.escape(shown(drive.name)),
-        "LEAD": html.escape(_lead(drive, frames, request)),
+        "TITLE": html.escape(shown(name)),
+        "LEAD": html.escape(lead),
         "NOTES": html.escape(_notes()),
         "CONNECT": "'self'" if is_served else "'none'",
         "STYLE": _page_file("page.css"),
@@ -168,8 +196,8 @@ def _blocks(frames: Sequence[FrameData]) -> list[str]:
     return made
 
 
-def _lead(drive: Drive, frames: Sequence[FrameData], request: ViewRequest) -> str:
-    """What is shown, in two sentences."""
+def _lead(total: int, frames: Sequence[FrameData], request: ViewRequest) -> str:
+    """What is shown, in two sentences; `total` frames has the drive."""
     place = request.viewpoint
     where = (
         f"the {place}"
@@ -178,7 +206,6 @@ def _lead(drive: Drive, frames: Sequence[FrameData], request: ViewRequest) -> st
     )
     if request.is_fixed:
         where += f" of frame {frames[0].header['number']}, fixed in the world"
-    total = len(drive.frame_numbers)
     some = f"{len(frames)} of {total:,}" if len(frames) < total else f"{total:,}"
     scans = max(len(frame.header["memory"]) for frame in frames) + 1
     used = "one scan" if scans == 1 else f"up to {scans} scans"

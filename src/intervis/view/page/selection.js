@@ -90,6 +90,7 @@ export class Selection {
 
   command(line) {
     const { page, frame } = this.state;
+    if (!page.has_command) return "";
     const memory = frame.memory.length
       ? ` --frames ${Math.min(frame.number, ...frame.memory)}:${Math.max(frame.number, ...frame.memory) + 1}`
       : "";

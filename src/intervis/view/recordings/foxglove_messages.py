@@ -15,6 +15,17 @@ from intervis.view.colours import COLOURS, ON_IMAGE, rgb
 from intervis.view.frame_data import frustum_corners
 from intervis.view.frame_layers import box_corners
 from intervis.view.judged_frame import JudgedFrame
+from intervis.view.recordings.foxglove_primitives import (
+    EDGE_PX,
+    LINE_PX,
+    points_of,
+    pose_of,
+    rgba,
+    segments,
+    sphere,
+    xyz,
+    xyzw,
+)
 from intervis.view.recordings.measures import STATES, frame_measures, state_counts
 from intervis.view.recordings.object_look import object_label, state_of_object
 from intervis.view.recordings.placement import placement, velo_from_pinhole
@@ -63,7 +74,6 @@ CELL_RECORD = np.dtype(
 NUMERIC_TYPES = {"<f4": "Float32", "<u4": "Uint32", "|i1": "Int8", "|u1": "Uint8"}
 PALETTE = COLOURS["dark"]
 SPOT_ALPHA = 110
-EDGE_PX, LINE_PX, VIEWPOINT_M = 1.5, 3.0, 0.5
 BOX_EDGES = (
     *((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3)),
     *((4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)),
@@ -111,8 +121,8 @@ def _transforms(frame: Frame, stamp: Any) -> Any:
                 timestamp=stamp,
                 parent_frame_id=parent,
                 child_frame_id=child,
-                translation=Vector3(**_xyz(pose[:3, 3])),
-                rotation=Quaternion(**_xyzw(placement(pose).quaternion)),
+                translation=Vector3(**xyz(pose[:3, 3])),
+                rotation=Quaternion(**xyzw(placement(pose).quaternion)),
             )
             for parent, child, pose in poses
         ]
@@ -168,7 +178,7 @@ def _cloud(judged: JudgedFrame, stamp: Any) -> Any:
     return PointCloud(
         timestamp=stamp,
         frame_id=SENSOR_FRAME,
-        pose=_pose(np.eye(4)),
+        pose=pose_of(np.eye(4)),
         point_stride=RETURN_RECORD.itemsize,
         fields=_fields(RETURN_RECORD),
         data=return_records(judged).tobytes(),
@@ -186,7 +196,7 @@ def _grid(grid: VisibilityGrid, ground_m: float, stamp: Any) -> Any:
     return Grid(
         timestamp=stamp,
         frame_id=SENSOR_FRAME,
-        pose=_pose(corner),
+        pose=pose_of(corner),
         column_count=records.shape[1],
         cell_size=Vector2(x=grid.cell_m, y=grid.cell_m),
         row_stride=records.shape[1] * CELL_RECORD.itemsize,
@@ -206,7 +216,7 @@ def _scene(judged: JudgedFrame, stamp: Any) -> Any:
     )
 
     parts: dict[str, dict[str, Any]] = {
-        "viewpoint": {"spheres": [_sphere(judged.viewpoint, PALETTE["ink"])]},
+        "viewpoint": {"spheres": [sphere(judged.viewpoint, PALETTE["ink"])]},
         "frustum": {"lines": _frustum(judged.frame)},
         "objects": _objects(judged),
         "sight_lines": _sight_lines(judged),
@@ -221,15 +231,6 @@ def _scene(judged: JudgedFrame, stamp: Any) -> Any:
     return SceneUpdate(deletions=[before], entities=entities)
 
 
-def _sphere(place: Float64Array, colour: str) -> Any:
-    from foxglove.messages import SpherePrimitive, Vector3
-
-    at = np.eye(4)
-    at[:3, 3] = place
-    size = Vector3(x=VIEWPOINT_M, y=VIEWPOINT_M, z=VIEWPOINT_M)
-    return SpherePrimitive(pose=_pose(at), size=size, color=_rgba(colour))
-
-
 def _frustum(frame: Frame) -> list[Any]:
     if frame.camera is None or frame.cam_from_velo is None:
         return []
@@ -237,7 +238,7 @@ def _frustum(frame: Frame) -> list[Any]:
     centre = frame.viewpoint_velo
     ends = [(centre, corner) for corner in corners]
     ends += list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    return [_segments(np.array(ends), PALETTE["faint"], EDGE_PX)]
+    return [segments(np.array(ends), PALETTE["faint"], EDGE_PX)]
 
 
 def _objects(judged: JudgedFrame) -> dict[str, Any]:
@@ -248,16 +249,16 @@ def _objects(judged: JudgedFrame) -> dict[str, Any]:
     for one in judged.objects:
         colour = PALETTE[state_of_object(one)]
         corners = box_corners(one.box)
-        lines.append(_segments(corners[np.array(BOX_EDGES)], colour, EDGE_PX))
+        lines.append(segments(corners[np.array(BOX_EDGES)], colour, EDGE_PX))
         above = one.box.velo_from_box.copy()
         above[2, 3] = corners[:, 2].max() + 0.3
         texts.append(
             TextPrimitive(
-                pose=_pose(above),
+                pose=pose_of(above),
                 billboard=True,
                 font_size=12.0,
                 scale_invariant=True,
-                color=_rgba(colour),
+                color=rgba(colour),
                 text=object_label(one),
             )
         )
@@ -270,9 +271,9 @@ def _sight_lines(judged: JudgedFrame) -> dict[str, Any]:
     lines, spheres = [], []
     for line in judged.lines:
         colour = PALETTE[names.get(line.explanation.state, "unknown")]
-        lines.append(_segments(np.array([[line.start, line.end]]), colour, LINE_PX))
+        lines.append(segments(np.array([[line.start, line.end]]), colour, LINE_PX))
         if np.isfinite(line.explanation.blocker).all():
-            spheres.append(_sphere(line.explanation.blocker, PALETTE["occluded"]))
+            spheres.append(sphere(line.explanation.blocker, PALETTE["occluded"]))
     return {"lines": lines, "spheres": spheres}
 
 
@@ -287,15 +288,15 @@ def _method(judged: JudgedFrame) -> dict[str, Any]:
     region = judged.analysis.triangles[judged.analysis.region]
     triangles = [
         TriangleListPrimitive(
-            pose=_pose(np.eye(4)),
-            points=_points(nodes),
-            color=_rgba(PALETTE["region"], 0.45),
+            pose=pose_of(np.eye(4)),
+            points=points_of(nodes),
+            color=rgba(PALETTE["region"], 0.45),
             indices=region.ravel().tolist(),
         )
     ]
     return {
         "triangles": triangles if len(region) else [],
-        "lines": [_segments(nodes[edges], PALETTE["visible"], EDGE_PX)] if len(edges) else [],
+        "lines": [segments(nodes[edges], PALETTE["visible"], EDGE_PX)] if len(edges) else [],
     }
 
 
@@ -345,7 +346,7 @@ def _annotations(pixels: Float64Array, state: NDArray[np.int8], stamp: Any) -> A
     lists = []
     for number, name in enumerate(STATES):
         chosen = pixels[state == (-1 if name == "unknown" else number)]
-        colour = _rgba(ON_IMAGE[name])
+        colour = rgba(ON_IMAGE[name])
         lists.append(
             PointsAnnotation(
                 timestamp=stamp,
@@ -363,48 +364,3 @@ def _sentence(text: str, stamp: Any) -> Any:
     from foxglove.messages import Log, LogLevel
 
     return Log(timestamp=stamp, level=LogLevel.Info, message=text, name="intervis")
-
-
-def _segments(ends: Float64Array, colour: str, width_px: float) -> Any:
-    """Segments (K, 2, 3) in one colour."""
-    from foxglove.messages import LinePrimitive, LinePrimitiveLineType
-
-    return LinePrimitive(
-        type=LinePrimitiveLineType.LineList,
-        pose=_pose(np.eye(4)),
-        thickness=width_px,
-        scale_invariant=True,
-        points=_points(ends.reshape(-1, 3)),
-        color=_rgba(colour),
-    )
-
-
-def _points(points: Float64Array) -> list[Any]:
-    from foxglove.messages import Point3
-
-    return [Point3(x=x, y=y, z=z) for x, y, z in points.tolist()]
-
-
-def _pose(parent_from_child: Float64Array) -> Any:
-    from foxglove.messages import Pose, Quaternion, Vector3
-
-    place = placement(parent_from_child)
-    return Pose(
-        position=Vector3(**_xyz(place.translation)),
-        orientation=Quaternion(**_xyzw(place.quaternion)),
-    )
-
-
-def _rgba(colour: str, alpha: float = 1.0) -> Any:
-    from foxglove.messages import Color
-
-    red, green, blue = (channel / 255 for channel in rgb(colour))
-    return Color(r=red, g=green, b=blue, a=alpha)
-
-
-def _xyz(values: Float64Array) -> dict[str, float]:
-    return dict(zip("xyz", values.tolist(), strict=True))
-
-
-def _xyzw(values: Float64Array) -> dict[str, float]:
-    return dict(zip("xyzw", values.tolist(), strict=True))
