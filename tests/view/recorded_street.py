@@ -1,7 +1,9 @@
 """A short drive for the tests of recordings: two frames of the built-in street, with objects."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from intervis.drives.boxes import Box
 from intervis.lab.worlds import simulate
 from intervis.sight import Scene
 from intervis.uses.registration import registered_scene
-from intervis.view import ViewRequest
+from intervis.view import ViewRequest, judge_frames
 
 AHEAD = (14.0, 0.0, 1.0)
 END = (30.0, -6.0, -1.0)
@@ -25,6 +27,15 @@ def street_drive(folder: Path) -> Drive:
     drive = open_drive(simulate(folder, frames=2))
     box = Box(QUARTER, SIZE_M, "Car & van")
     return replace(drive, read_boxes=lambda number: (box,) if number == 0 else ())
+
+
+def recorded(drive: Drive, path: Path, recording: Callable[..., Any]) -> Path:
+    """Record the drive; the file must not be there before it is complete."""
+    numbers = drive.frame_numbers
+    with recording(path, drive, numbers, REQUEST) as sink:
+        judge_frames(drive, numbers, REQUEST, [sink])
+        assert not path.exists()
+    return path
 
 
 def scene_of(drive: Drive, number: int) -> Scene:

@@ -5,11 +5,10 @@ import json
 
 import numpy as np
 import pytest
-from recorded_street import AHEAD, END, REQUEST, SIZE_M, rounded, scene_of, street_drive
+from recorded_street import AHEAD, END, REQUEST, SIZE_M, recorded, rounded, scene_of, street_drive
 
 from intervis.sight import explain
 from intervis.uses.registration import query_moment_s
-from intervis.view import judge_frames
 from intervis.view.recordings import foxglove_recording
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: intervis[viewer]")
@@ -30,12 +29,8 @@ def drive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def path(drive, tmp_path_factory):
-    path = tmp_path_factory.mktemp("recording") / "street.mcap"
-    numbers = drive.frame_numbers
-    with foxglove_recording(path, drive, numbers, REQUEST) as recording:
-        judge_frames(drive, numbers, REQUEST, [recording])
-        assert not path.exists()
-    return path
+    folder = tmp_path_factory.mktemp("recording")
+    return recorded(drive, folder / "street.mcap", foxglove_recording)
 
 
 @pytest.fixture(scope="module")

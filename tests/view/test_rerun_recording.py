@@ -5,12 +5,11 @@ import threading
 
 import numpy as np
 import pytest
-from recorded_street import AHEAD, END, REQUEST, SIZE_M, rounded, scene_of, street_drive
+from recorded_street import AHEAD, END, REQUEST, SIZE_M, recorded, rounded, scene_of, street_drive
 
 from intervis.method.analysis import analyze
 from intervis.sight import explain
 from intervis.uses.registration import query_moment_s
-from intervis.view import judge_frames
 from intervis.view.recordings import rerun_recording
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'intervis[viewer]'")
@@ -27,12 +26,8 @@ def drive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def path(drive, tmp_path_factory):
-    path = tmp_path_factory.mktemp("recording") / "street.rrd"
-    numbers = drive.frame_numbers
-    with rerun_recording(path, drive, numbers, REQUEST) as recording:
-        judge_frames(drive, numbers, REQUEST, [recording])
-        assert not path.exists()
-    return path
+    folder = tmp_path_factory.mktemp("recording")
+    return recorded(drive, folder / "street.rrd", rerun_recording)
 
 
 @pytest.fixture(scope="module")

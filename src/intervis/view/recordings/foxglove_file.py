@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from intervis.drives import Drive
-from intervis.errors import MissingExtraError, OutputError
+from intervis.errors import MissingExtraError
 from intervis.files import whole_file
 from intervis.view.judged_frame import JudgedFrame
-from intervis.view.own_file import check_own_file
 from intervis.view.recordings.drive_clock import NS_PER_FRAME, DriveClock
 from intervis.view.recordings.foxglove_messages import MEASURES_SCHEMA, TOPICS, frame_messages
+from intervis.view.recordings.recording_file import check_recording_file
 from intervis.view.view_request import ViewRequest
 
 PROFILE = "intervis-view"
@@ -19,18 +19,8 @@ PROFILE = "intervis-view"
 
 
 def check_foxglove_file(path: Path) -> None:
-    """Check before the work that a recording can be written to a path.
-
-    Raises
-    ------
-    OutputError
-        The name does not end in .mcap, or another file stands there.
-    MissingExtraError
-        foxglove-sdk (extra ``viewer``) is not installed.
-    """
-    if path.suffix.lower() != ".mcap":
-        raise OutputError(f"a recording for Foxglove must be named .mcap at its end, got {path}.")
-    check_own_file(path, PROFILE.encode())
+    """Check before the work that it can be done: see `check_recording_file`, and the extra."""
+    check_recording_file(path, "Foxglove", ".mcap", PROFILE)
     try:
         import foxglove  # noqa: F401
     except ImportError:
@@ -41,28 +31,9 @@ def check_foxglove_file(path: Path) -> None:
 def foxglove_recording(
     path: Path, drive: Drive, numbers: Sequence[int], request: ViewRequest
 ) -> Iterator["FoxgloveSink"]:
-    """A recording that takes judged frames; its file appears when all are in it, or not at all.
+    """A recording that takes judged frames; arguments and errors as `rerun_recording`.
 
-    Parameters
-    ----------
-    path : Path
-        Ends in .mcap.
-    drive : Drive
-    numbers : sequence of int
-        The frames that will be recorded.
-    request : ViewRequest
-
-    Yields
-    ------
-    FoxgloveSink
-        For `intervis.view.judge_frames`.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written, or stands there and is no recording of ours.
-    MissingExtraError
-        foxglove-sdk (extra ``viewer``) is not installed.
+    Its path ends in .mcap, and it yields a `FoxgloveSink`.
     """
     check_foxglove_file(path)
     import foxglove

@@ -19,8 +19,8 @@ from intervis.drives import Drive
 from intervis.errors import MissingExtraError, OutputError
 from intervis.files import whole_file
 from intervis.view.judged_frame import JudgedFrame
-from intervis.view.own_file import check_own_file
 from intervis.view.recordings.drive_clock import DriveClock
+from intervis.view.recordings.recording_file import check_recording_file
 from intervis.view.recordings.rerun_blueprint import blueprint
 from intervis.view.recordings.rerun_layers import Layers, static_entities
 from intervis.view.view_request import ViewRequest
@@ -32,18 +32,8 @@ FLUSH_S = 60.0
 
 
 def check_rerun_file(path: Path) -> None:
-    """Check before the work that a recording can be written to a path.
-
-    Raises
-    ------
-    OutputError
-        The name does not end in .rrd, or another file stands there.
-    MissingExtraError
-        rerun-sdk (extra ``viewer``) is not installed.
-    """
-    if path.suffix.lower() != ".rrd":
-        raise OutputError(f"a recording for Rerun must be named .rrd at its end, got {path}.")
-    check_own_file(path, APPLICATION.encode())
+    """Check before the work that it can be done: see `check_recording_file`, and the extra."""
+    check_recording_file(path, "Rerun", ".rrd", APPLICATION)
     try:
         import rerun  # noqa: F401
     except ImportError:
