@@ -1,7 +1,9 @@
 """What a notebook shows: small tables of results, and the page in an iframe."""
 
 import importlib
+import json
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +11,10 @@ import pytest
 
 import intervis
 from intervis.drives import Frame, open_drive
-from intervis.errors import PointsError, SceneError, SettingsError
+from intervis.errors import MissingExtraError, PointsError, SceneError, SettingsError
 from intervis.run.frame_file import record_of
 from intervis.view import notebook
+from intervis.view.live_page import reply, widget_script
 from parsed_page import Parsed
 from small_drive import cam_from_velo, camera, scan_folder, street
 
@@ -176,3 +179,100 @@ def test_frames_and_drives_are_shown(window, tmp_path):
     assert window.run("return window.intervis.page.frames.map((one) => one.number)") == [1, 2]
     assert window.run("return window.intervis.frame.viewpoint") == list(VIEWPOINT)
     assert window.log() == []
+
+
+HOST = """<!DOCTYPE html><html data-ready="true"><body><div id="cell"></div><script type="module">
+%s
+const listeners = [];
+window.asked = [];
+window.answered = (answer) => listeners.forEach((listener) => listener(answer));
+const model = {
+  get: (name) => ({ page: %s, height_px: 900 })[name],
+  on: (name, listener) => listeners.push(listener),
+  off: (name, listener) => listeners.splice(listeners.indexOf(listener), 1),
+  send: (message) => window.asked.push(message),
+};
+window.stop = widget.render({ model, el: document.getElementById("cell") });
+</script></body></html>"""
+"""A notebook's page with a widget whose messages the test carries to Python and back."""
+
+
+def live_parts(scene):
+    """The page of a scene as a live page, and its engine."""
+    captured = {}
+
+    def capture(content, height_px, engine):
+        captured.update(content=content, engine=engine)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(notebook, "live_page", capture)
+        patch.setattr(notebook, "require_anywidget", lambda: None)
+        intervis.show(scene, street(0), viewpoint=VIEWPOINT, is_live=True)
+    return captured["content"], captured["engine"]
+
+
+def test_a_live_page_is_judged_again_by_python(window, scene, tmp_path):
+    content, engine = live_parts(scene)
+    module = widget_script().replace("export default", "const widget =")
+    place = tmp_path / "cell.html"
+    page = json.dumps(content.decode()).replace("</", "<\\/")
+    place.write_text(HOST % (module, page))
+    window.enter_frame(None)
+    window.open(place.as_uri())
+    window.log()
+    window.enter_frame(0)
+    window.wait_for("return document.documentElement.dataset.ready === 'true'")
+    moved = [2.0, -1.0, 0.3]
+    # the promise is not waited for: the answer is carried below
+    window.run("window.intervis.judge.request(0, arguments[0]); return null", moved)
+    window.enter_frame(None)
+    window.wait_for("return window.asked.length === 1")
+    (asked,) = window.run("return window.asked")
+    assert asked["kind"] == "judge"
+    window.run("window.answered(arguments[0])", reply(engine, asked))
+    window.enter_frame(0)
+    window.wait_for("return window.intervis.frame.isMoved")
+    counts = window.run(
+        "const { visible, occluded, unknown } = window.intervis.frame;"
+        " return [visible, occluded, unknown];"
+    )
+    sight = scene.sight(moved, np.round(street(0).astype(np.float64) * 100) / 100)
+    masks = (sight.visible, sight.occluded, sight.unknown)
+    assert counts == [int(mask.sum()) for mask in masks]
+    assert window.log() == []
+    window.enter_frame(None)
+    window.run("window.stop(); window.answered({ id: 1 })")  # nothing listens any more
+
+
+def test_python_answers_lines_and_refuses_what_is_none(scene):
+    _, engine = live_parts(scene)
+    question = {"frame": 0, "from": [6.0, 1.0, 0.5], "to": [9.0, 0.0, -1.0]}
+    said = reply(engine, {"id": 5, "kind": "line", "question": question})
+    assert said["id"] == 5
+    assert said["answer"]["text"] == str(intervis.explain(scene, question["from"], question["to"]))
+    for message, reason in (
+        ({"id": 1, "kind": "line", "question": {**question, "frame": 1}}, "frame must be"),
+        ({"id": 1, "kind": "line", "question": {**question, "to": [1, "2", 3]}}, "to must be"),
+        ({"id": 1, "kind": "eval", "question": question}, "kind of a question must be"),
+        ({"id": 1}, "kind of a question must be|must be a JSON object"),
+        ("text", "must be a JSON object"),
+    ):
+        assert re.search(reason, reply(engine, message)["error"])
+
+
+def test_a_live_page_is_a_widget(scene):
+    pytest.importorskip("anywidget", reason="anywidget is not installed: intervis[notebook]")
+    widget = intervis.show(scene, street(0), viewpoint=VIEWPOINT, is_live=True)
+    assert "intervis view" in widget.page
+    sent = []
+    widget.send = sent.append
+    question = {"frame": 0, "from": [6.0, 1.0, 0.5], "to": [9.0, 0.0, -1.0]}
+    widget._handle_custom_msg({"id": 3, "kind": "line", "question": question}, [])
+    assert [one["id"] for one in sent] == [3]
+    assert sent[0]["answer"]["state"] in (1, 0, -1)
+
+
+def test_a_live_page_names_its_extra(scene, monkeypatch):
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    with pytest.raises(MissingExtraError, match=r"intervis\[notebook\]"):
+        intervis.show(scene, street(0), viewpoint=VIEWPOINT, is_live=True)

@@ -3,6 +3,7 @@
 import html
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +13,10 @@ from intervis.drives import Drive, Frame
 from intervis.errors import PointsError, SettingsError
 from intervis.sight import Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
-from intervis.uses.registration import query_moment_s
 from intervis.view.frame_data import frame_data
-from intervis.view.frame_judge import FrameJudge
+from intervis.view.frame_judge import FrameJudge, frame_judge
+from intervis.view.live_page import live_page, require_anywidget
+from intervis.view.page_engine import PageEngine
 from intervis.view.page_file import page_html, page_of_frames, save_page
 from intervis.view.view_request import (
     Place,
@@ -96,7 +98,8 @@ def show(
     risk: float = DEFAULT_RISK,
     moment_s: float | None = None,
     height_px: int = 900,
-) -> NotebookPage:
+    is_live: bool = False,
+) -> Any:
     """What a viewpoint sees, as the interactive page in a notebook.
 
     It is a function and no method of `Scene`, because the page is built on scenes, and not the
@@ -124,6 +127,14 @@ def show(
         The query time of a scene: see `intervis.Scene.sight`.
     height_px : int
         Height on the notebook's page, pixels.
+    is_live : bool
+        Put the engine behind the page: the viewpoint can be dragged, and lines be asked for, while
+        the notebook's kernel runs. It takes anywidget (extra ``notebook``).
+
+    Returns
+    -------
+    NotebookPage or anywidget.AnyWidget
+        The widget with `is_live`.
 
     Raises
     ------
@@ -132,6 +143,8 @@ def show(
         too large.
     SettingsError
         A number is out of range, or the page is too large for a notebook.
+    MissingExtraError
+        A live page is asked for, and anywidget is not installed.
     DriveError
         The source lacks the camera that the viewpoint needs, or a frame cannot be read.
 
@@ -144,6 +157,8 @@ def show(
     """
     if (points is None) == isinstance(source, Scene):
         raise PointsError("show takes points with a scene, and only with a scene.")
+    if is_live:
+        require_anywidget()
     request = ViewRequest(
         viewpoint=_viewpoint(source, viewpoint),
         ends=[_place(end) for end in ends],
@@ -152,24 +167,41 @@ def show(
         most_returns=most_returns,
         has_method=not isinstance(source, Scene),
     )
+    content, engine = _content(source, points, frames, request, moment_s, is_live=is_live)
+    page = NotebookPage(content, height_px)
+    return live_page(content, height_px, engine) if is_live else page
+
+
+def _content(
+    source: Drive | Frame | Scene,
+    points: ArrayLike | None,
+    frames: Sequence[int] | None,
+    request: ViewRequest,
+    moment_s: float | None,
+    *,
+    is_live: bool,
+) -> tuple[bytes, PageEngine]:
+    """The page, and the engine that answers its questions."""
     if isinstance(source, Drive):
-        numbers = source.frame_numbers if frames is None else frames
-        if not len(numbers):
+        given = source.frame_numbers if frames is None else frames
+        if not len(given):
             raise SettingsError("frames holds no frame number: give at least one, or None for all.")
-        content = page_html(source, thinned_frames(numbers, request.most_frames), request)
-    elif isinstance(source, Frame):
+        numbers = thinned_frames(given, request.most_frames)
+        content = page_html(source, numbers, request, is_live=is_live)
+        return content, PageEngine(lambda number: frame_judge(source, number, request), numbers)
+    if isinstance(source, Frame):
         scene = Scene.from_scan(source.points)
-        judge = FrameJudge(source, scene, request, [], query_moment_s(scene))
-        content = _page(judge, request, f"Frame {source.number}", "sensor's")
+        judge = FrameJudge(source, scene, request, [], None)
+        name, axes = f"Frame {source.number}", "sensor's"
     else:
         assert points is not None
-        frame = Frame(0, _checked_near(points))
-        judge = FrameJudge(frame, source, request, [], moment_s)
-        content = _page(judge, request, "Scene", "scene's")
-    return NotebookPage(content, height_px)
+        judge = FrameJudge(Frame(0, _checked_near(points)), source, request, [], moment_s)
+        name, axes = "Scene", "scene's"
+    content = _page(judge, request, name, axes, is_live=is_live)
+    return content, PageEngine(lambda number: judge, [judge.frame.number])
 
 
-def _page(judge: FrameJudge, request: ViewRequest, name: str, axes: str) -> bytes:
+def _page(judge: FrameJudge, request: ViewRequest, name: str, axes: str, *, is_live: bool) -> bytes:
     """The page of one judged frame."""
     viewpoint = place_in_frame(judge.frame, request.viewpoint)
     data = frame_data(judge.judged(viewpoint))
@@ -179,7 +211,7 @@ def _page(judge: FrameJudge, request: ViewRequest, name: str, axes: str) -> byte
         f"What a viewpoint at ({place}) sees: {data.header['stored']:,} points, judged by"
         f" {scans:,} scan{'' if scans == 1 else 's'}. Coordinates are metres in the {axes} frame."
     )
-    return page_of_frames(name, lead, [data], request, has_command=False)
+    return page_of_frames(name, lead, [data], request, is_live=is_live, has_command=False)
 
 
 def _viewpoint(source: Drive | Frame | Scene, viewpoint: ArrayLike | str | None) -> Place:

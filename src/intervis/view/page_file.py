@@ -57,6 +57,7 @@ def page_html(
     request: ViewRequest | None = None,
     *,
     is_served: bool = False,
+    is_live: bool = False,
     also: Sequence[FrameSink] = (),
     progress: Progress | None = None,
 ) -> bytes:
@@ -70,6 +71,8 @@ def page_html(
     request : ViewRequest, optional
     is_served : bool
         Whether `intervis.view.server` will answer the page's questions.
+    is_live : bool
+        Whether the widget around the page will answer them.
     also : sequence of FrameSink
         What else takes the judged frames: recordings.
     progress : callable, optional
@@ -90,7 +93,9 @@ def page_html(
     page = PageFrames()
     judge_frames(drive, numbers, request, [page, *also], progress)
     lead = _lead(len(drive.frame_numbers), page.frames, request)
-    return page_of_frames(drive.name, lead, page.frames, request, is_served=is_served)
+    return page_of_frames(
+        drive.name, lead, page.frames, request, is_served=is_served, is_live=is_live
+    )
 
 
 def page_of_frames(
@@ -100,6 +105,7 @@ def page_of_frames(
     request: ViewRequest,
     *,
     is_served: bool = False,
+    is_live: bool = False,
     has_command: bool = True,
 ) -> bytes:
     """Put frames into a page.
@@ -114,6 +120,8 @@ def page_of_frames(
     request : ViewRequest
     is_served : bool
         Whether `intervis.view.server` will answer the page's questions.
+    is_live : bool
+        Whether the widget around the page will answer them.
     has_command : bool
         Whether ``intervis sight NAME`` gives the explanations of the page.
     """
@@ -124,7 +132,7 @@ def page_of_frames(
         "risk": request.risk,
         "default_risk": DEFAULT_RISK,
         "viewpoint": None if request.is_fixed else named_viewpoint,
-        "is_served": is_served,
+        "is_served": is_served or is_live,
         "colours": {
             theme: {**colours, "sequential": VIRIDIS, "onImage": ON_IMAGE}
             for theme, colours in COLOURS.items()
