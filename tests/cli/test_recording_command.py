@@ -91,6 +91,16 @@ def test_mistakes_get_one_sentence_and_change_nothing(
     assert files_below(tmp_path) == before
 
 
+def test_the_size_of_a_large_recording_is_said_before(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("intervis.cli.view.LARGE_RECORDING_MB", 3)
+    drive = scan_folder(tmp_path / "drive", (0, 1, 2))
+    asked = ["view", str(drive), "--rerun", str(tmp_path / "r.rrd"), "--no-blind-spots"]
+    assert exit_code(asked) == 0
+    assert "recordings of 3 frames will take up to 4 MB" in capsys.readouterr().err
+    assert exit_code([*asked, "--returns", "100"]) == 0
+    assert not capsys.readouterr().err
+
+
 def test_rerun_switched_off_is_told(drive, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("RERUN", "off")
     assert exit_code(["view", str(drive), "--rerun", str(tmp_path / "r.rrd")]) == 2

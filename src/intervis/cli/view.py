@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from intervis.view.server import ViewServer
 
 DEFAULT_PORT = 8765
-LARGE_MB = 30
-"""Larger pages are announced."""
+LARGE_MB, LARGE_RECORDING_MB = 30, 500
+"""Larger pages and recordings are announced."""
 
 
 def view(
@@ -137,6 +137,7 @@ def view(
     numbers = thinned_frames(chosen, request.most_frames) if thinned else list(chosen)
     if has_page:
         _note_size(drive, len(chosen), len(numbers), request)
+    _note_recording_size(sum(path is not None for path in recordings.values()), numbers, request)
     # The port is taken before the work, so that a taken one is told at once.
     server = ViewServer(drive, numbers, request, port) if serve else None
     with (
@@ -216,6 +217,18 @@ def _note_size(drive: "Drive", chosen: int, shown: int, request: "ViewRequest") 
         tell(f"note: the page will take up to {size_mb:,.0f} MB; --returns and --most reduce it.")
     if drive.image_paths and not _has_pillow():
         tell("note: the page has no images: they need pip install 'intervis[plots]'.")
+
+
+def _note_recording_size(recordings: int, numbers: "Sequence[int]", request: "ViewRequest") -> None:
+    """Say how large recordings get, before they are made."""
+    from intervis.view.recordings.recording_file import estimated_bytes
+
+    size_mb = recordings * estimated_bytes(len(numbers), request.most_returns) / 1e6
+    if size_mb > LARGE_RECORDING_MB:
+        tell(
+            f"note: recordings of {len(numbers):,} frames will take up to {size_mb:,.0f} MB;"
+            " --frames, --most and --returns reduce it."
+        )
 
 
 def _has_pillow() -> bool:

@@ -8,7 +8,7 @@ move. The world is the drive's, shifted to the place of the first frame by whole
 import contextlib
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -78,21 +78,23 @@ def rerun_recording(
             )
         stream.set_log_time_enabled(False)
         stream.set_log_tick_enabled(False)
-        with _saved(stream, file, blueprint(drive, request)):
-            yield RerunSink(stream, drive, numbers)
+        with _saved(stream, file, blueprint(drive, request)) as check:
+            yield RerunSink(stream, drive, numbers, check)
 
 
 @contextlib.contextmanager
-def _saved(stream: Any, file: BinaryIO, default_blueprint: Any) -> Iterator[None]:
-    """Let a stream write into a file of ours; an error of the file is raised here.
+def _saved(stream: Any, file: BinaryIO, default_blueprint: Any) -> Iterator[Callable[[], None]]:
+    """Let a stream write into a file of ours; yields a function that raises the file's error.
 
     Rerun waits for ever for its own file where the disk is full. It is given a pipe instead, and
     this process writes what comes out of it.
     """
     if not os.path.isdir("/dev/fd"):  # Windows: a pipe has no name there
         stream.save(file.name, default_blueprint=default_blueprint)
-        yield
-        stream.disconnect()
+        try:
+            yield lambda: None
+        finally:
+            stream.disconnect()
         return
     source, sink = os.pipe()
     writer = _PipeWriter(source, file)
@@ -102,12 +104,11 @@ def _saved(stream: Any, file: BinaryIO, default_blueprint: Any) -> Iterator[None
     finally:
         os.close(sink)
     try:
-        yield
+        yield writer.check
     finally:
         stream.disconnect()
         writer.join()
-    if writer.error is not None:
-        raise writer.error
+    writer.check()
 
 
 class _PipeWriter(threading.Thread):
@@ -115,25 +116,32 @@ class _PipeWriter(threading.Thread):
 
     def __init__(self, source: int, file: BinaryIO) -> None:
         super().__init__(daemon=True)
-        self.error: OSError | None = None
+        self._error: OSError | None = None
         self._source, self._file = source, file
 
     def run(self) -> None:
         """Copy."""
         with open(self._source, "rb", buffering=0) as pipe:
             while block := pipe.read(1 << 20):
-                if self.error is None:
+                if self._error is None:
                     try:
                         self._file.write(block)
                     except OSError as error:
-                        self.error = error
+                        self._error = error
+
+    def check(self) -> None:
+        """Raise what a write raised."""
+        if self._error is not None:
+            raise self._error
 
 
 class RerunSink:
     """Writes judged frames into a recording; made by `rerun_recording`."""
 
-    def __init__(self, stream: Any, drive: Drive, numbers: Sequence[int]) -> None:
-        self._stream = stream
+    def __init__(
+        self, stream: Any, drive: Drive, numbers: Sequence[int], check: Callable[[], None]
+    ) -> None:
+        self._stream, self._check = stream, check
         self._clock = DriveClock(drive, numbers)
         self._layers = Layers(stream)
         self._origin: Float64Array | None = None
@@ -159,6 +167,7 @@ class RerunSink:
         self._layers.place(self._world_from_velo(frame.pose))
         self._layers.log(prepared)
         stream.flush(timeout_sec=FLUSH_S)
+        self._check()
 
     def _world_from_velo(self, pose: Float64Array | None) -> Float64Array | None:
         """The pose in the recording's world."""
