@@ -17,6 +17,7 @@ NAMES = [
     "VISIBLE",
     "OCCLUDED",
     "UNKNOWN",
+    "show",
     "analyze",
     "Analysis",
     "Settings",

@@ -15,7 +15,7 @@ from intervis.cli import COMMANDS
 ROOT = Path(intervis.__file__).parent
 LAYERS = (
     ("errors",),
-    ("arrays", "kernels", "progress"),
+    ("arrays", "kernels", "progress", "result_table"),
     ("delaunay", "directions", "files", "output_folder", "settings", "transform"),
     ("camera",),
     ("drives", "method", "sight"),

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from intervis.sight import Sensor as Sensor
     from intervis.sight import Sight as Sight
     from intervis.sight import explain as explain
+    from intervis.view.notebook import show as show
 
 __version__ = "0.1.0"
 
@@ -67,9 +68,10 @@ _HOME = {
     "UNKNOWN": "intervis.sight",
     "VISIBLE": "intervis.sight",
     "explain": "intervis.sight",
+    "show": "intervis.view.notebook",
     "warm_up": "intervis.compilation",
 }
-_SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight", "uses")
+_SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight", "uses", "view")
 __all__ = [
     "OCCLUDED",
     "UNKNOWN",
@@ -99,6 +101,7 @@ __all__ = [
     "analyze",
     "explain",
     "open_drive",
+    "show",
     "warm_up",
 ]
 

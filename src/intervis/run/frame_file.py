@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from intervis.errors import OutputError, SettingsError
 from intervis.files import write_whole
+from intervis.result_table import result_table
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -62,6 +63,13 @@ class FrameRecord:
     tau: int | None = None
     reused: bool = False
     remade: str = ""
+
+    def _repr_html_(self) -> str:
+        """Measures and times, as a notebook shows them."""
+        rows = {"tau": "-" if self.tau is None else str(self.tau)}
+        rows |= {name: f"{value:,.6g}" for name, value in self.measures.items()}
+        rows |= {f"time, {name}": f"{1e3 * value:.1f} ms" for name, value in self.times_s.items()}
+        return result_table(f"Frame {self.number}", rows)
 
     def __repr__(self) -> str:
         parts = [] if self.tau is None else [f"tau {self.tau}"]
