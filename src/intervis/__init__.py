@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from intervis.sight import Sensor as Sensor
     from intervis.sight import Sight as Sight
     from intervis.sight import explain as explain
+    from intervis.sight import visible_mask as visible_mask
 
 __version__ = "0.1.0"
 
@@ -67,6 +68,7 @@ _HOME = {
     "UNKNOWN": "intervis.sight",
     "VISIBLE": "intervis.sight",
     "explain": "intervis.sight",
+    "visible_mask": "intervis.sight",
     "warm_up": "intervis.compilation",
 }
 _SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight", "uses")
@@ -99,6 +101,7 @@ __all__ = [
     "analyze",
     "explain",
     "open_drive",
+    "visible_mask",
     "warm_up",
 ]
 
