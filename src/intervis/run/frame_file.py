@@ -166,12 +166,16 @@ def frame_file(
 
 
 def _write_archive(file: BinaryIO, arrays: Arrays, *, compress: bool) -> None:
-    # As np.savez or np.savez_compressed, but without pickle, and at the fastest level.
+    # As np.savez or np.savez_compressed, but without pickle, and at the fastest level. In memory
+    # first: writing in hundreds of pieces would wait for the interpreter lock, which the analysis
+    # of the next frame holds, at each.
+    content = io.BytesIO()
     method = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
-    with zipfile.ZipFile(file, "w", method, compresslevel=1) as archive:
+    with zipfile.ZipFile(content, "w", method, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+    file.write(content.getbuffer())
 
 
 def record_of(number: int, analysis: "Analysis") -> FrameRecord:

@@ -2,17 +2,19 @@
 
 While a frame is analysed, one thread reads the next one and another writes the file of the last
 one. Kernels, file system and digests release the interpreter lock; kernels spread over plain
-threads, so any thread may call them (`intervis.kernels`). Two scans are held at a time.
+threads, so any thread may call them (`intervis.kernels`). Two scans are held at a time. With one
+thread, as in a worker of many, all is done in turn.
 """
 
 import logging
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from intervis.errors import IntervisError, MissingExtraError, OutputError, SettingsError
+from intervis.kernels import thread_count
 from intervis.method.analysis import Analysis, analyze
 from intervis.method.granularity import TauHysteresis
 from intervis.run.frame_file import (
@@ -104,10 +106,10 @@ def outcomes(stretch: Stretch) -> Iterator[Outcome]:
     OutputError
         A file cannot be written.
     """
-    files = ThreadPoolExecutor(2, thread_name_prefix="intervis-files")
+    files = ThreadPoolExecutor(2, "intervis-files") if thread_count() > 1 else _InTurn()
+    behind: Future[FrameRecord] | None = None
     try:
         ahead, analyst = _Ahead(stretch, files), _Analyst(stretch)
-        behind: Future[FrameRecord] | None = None
         for number in stretch.numbers:
             outcome = analyst.outcome(number, ahead)
             if behind is not None:
@@ -120,7 +122,9 @@ def outcomes(stretch: Stretch) -> Iterator[Outcome]:
         if behind is not None:
             yield behind.result()
     finally:
-        files.shutdown(wait=True, cancel_futures=True)
+        if behind is not None:
+            wait([behind])
+        files.shutdown(wait=True, cancel_futures=True)  # also while a frame is read
 
 
 def process(stretch: Stretch) -> list[Outcome]:
@@ -138,10 +142,23 @@ class _ReadFrame:
     remade: str
 
 
+class _InTurn(Executor):
+    """Does what is submitted at once."""
+
+    def submit(self, work: Callable[..., Any], /, *arguments: Any, **options: Any) -> "Future[Any]":
+        """Do it; an error is that of the result."""
+        done: Future[Any] = Future()
+        try:
+            done.set_result(work(*arguments, **options))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+
 class _Ahead:
     """The frames of a stretch, read by another thread, one ahead of the one that is taken."""
 
-    def __init__(self, stretch: Stretch, files: ThreadPoolExecutor) -> None:
+    def __init__(self, stretch: Stretch, files: Executor) -> None:
         self._stretch, self._files = stretch, files
         self._numbers = iter(stretch.numbers)
         self._next: Future[_ReadFrame] | None = self._started()
