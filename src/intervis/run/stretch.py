@@ -165,12 +165,11 @@ class _Ahead:
 
     def take(self) -> _ReadFrame:
         """The next frame, or the error that reading it raised."""
-        taken, self._next = self._next, None
+        taken = self._next
         assert taken is not None, "more frames are taken than there are"
-        try:
-            return taken.result()
-        finally:
-            self._next = self._started()
+        wait([taken])
+        self._next = self._started()
+        return taken.result()
 
     def _started(self) -> "Future[_ReadFrame] | None":
         number = next(self._numbers, None)
