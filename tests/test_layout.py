@@ -32,7 +32,7 @@ SIGHT_LAYERS = (
     ("box_surface", "ground_map", "occupancy_model", "projected_scan"),
     ("sensor",),
     ("answers", "observed_profile", "query_checks", "range_image"),
-    ("reference", "scan_buffer", "sight"),
+    ("depth_buffer", "reference", "scan_buffer", "sight"),
     ("box_sight",),
     ("scene",),
     ("explanation",),
