@@ -299,6 +299,21 @@ def targets() -> dict[str, Call]:
             intervis.explain,
             {"scene": street(), "viewpoint": eye, "target": TARGETS[1], **query},
         ),
+        "show": Call(
+            intervis.show,
+            {
+                **{"source": street(), "points": points[::20], "viewpoint": eye},
+                **{"ends": [TARGETS[0]], "frames": None, "most_frames": 2, "most_returns": 50},
+                **{"height_px": 300, "is_live": False, **query},
+            },
+        ),
+        "visible_mask": Call(
+            intervis.visible_mask,
+            {
+                **{"points": points, "viewpoint": eye, "cell_deg": 0.5, "tolerance_m": 1.0},
+                "tolerance_fraction": 0.02,
+            },
+        ),
         "Sight[]": Call(lambda key: of_sight[key], {"key": 1}),
         "Stream": Call(
             _limits(intervis.Stream), {"sensor": "vlp-16", "max_scans": 3, "max_bytes": 10**7}

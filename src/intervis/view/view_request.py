@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from intervis.arguments import is_count, shown
 from intervis.arrays import Float64Array
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError, SettingsError
 from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE
+from intervis.sight.query_checks import finite_number
 from intervis.transform import inverse, transform
 
 Place = str | tuple[float, float, float]
@@ -39,6 +41,8 @@ class ViewRequest:
         Frames of a page, and returns of a frame, at most; more are thinned evenly.
     has_blind_spots : bool
         Whether the ground around the viewpoint is judged, too.
+    has_method : bool
+        Whether the paper's method is applied, too.
 
     Raises
     ------
@@ -54,8 +58,11 @@ class ViewRequest:
     most_frames: int = 24
     most_returns: int = 50_000
     has_blind_spots: bool = True
+    has_method: bool = True
 
     def __post_init__(self) -> None:
+        risk = finite_number("--risk", self.risk, f"{RISK_RANGE[0]} to {RISK_RANGE[1]}")
+        object.__setattr__(self, "risk", risk)
         if not RISK_RANGE[0] <= self.risk <= RISK_RANGE[1]:
             raise SettingsError(
                 f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {self.risk}."
@@ -65,8 +72,8 @@ class ViewRequest:
             ("--most", self.most_frames, 1),
             ("--returns", self.most_returns, 1),
         ):
-            if value < least:
-                raise SettingsError(f"{option} must be {least} or more, got {value}.")
+            if not is_count(value, least):
+                raise SettingsError(f"{option} must be {least} or more, got {shown(value)}.")
 
 
 def thinned_frames(numbers: Sequence[int], most: int) -> list[int]:
