@@ -3,13 +3,13 @@
 import html
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arguments import flag_of, is_count, objects_of, shown, whole_numbers_of
-from intervis.arrays import Float32Array, checked_point, checked_points
+from intervis.arrays import Float32Array, checked_place, checked_points
 from intervis.drives import Drive, Frame
 from intervis.errors import ArgumentError, PointsError, SettingsError
 from intervis.sight import Scene
@@ -169,7 +169,7 @@ def show(
         require_anywidget()
     request = ViewRequest(
         viewpoint=_viewpoint(source, viewpoint),
-        ends=[_place(end) for end in objects_of(ends, object, "ends")],
+        ends=[_place(end) for end in cast(list[ArrayLike], objects_of(ends, object, "ends"))],
         risk=risk,
         most_frames=most_frames,
         most_returns=most_returns,
@@ -239,7 +239,7 @@ def _viewpoint(source: Drive | Frame | Scene, viewpoint: ArrayLike | str | None)
 
 
 def _place(point: ArrayLike) -> tuple[float, float, float]:
-    x, y, z = checked_point(point, "a place").tolist()
+    x, y, z = checked_place(point, "a place").tolist()
     return x, y, z
 
 
