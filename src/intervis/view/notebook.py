@@ -227,7 +227,7 @@ def _viewpoint(source: Drive | Frame | Scene, viewpoint: ArrayLike | str | None)
     if isinstance(viewpoint, str):
         if viewpoint not in NAMED_PLACES or isinstance(source, Scene):
             names = "X, Y, Z" if isinstance(source, Scene) else "camera, sensor, or X, Y, Z"
-            raise PointsError(f"viewpoint must be {names} in metres, got {viewpoint!r}.")
+            raise PointsError(f"viewpoint must be {names} in metres, got {shown(viewpoint)}.")
         return viewpoint
     if viewpoint is not None:
         return _place(viewpoint)
