@@ -86,7 +86,7 @@ def view(
     risk: Risk = None,
     camera: CameraName = None,
 ) -> None:
-    """Make an interactive page or a recording of what a place sees.
+    """Make a page or a recording of what a place sees.
 
     The page is one file that loads nothing. Every return is judged from the viewpoint (the camera;
     the sensor, if there is none), and can be clicked for its explanation. A recording holds the
