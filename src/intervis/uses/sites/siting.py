@@ -29,6 +29,8 @@ class Siting:
         By so many sites is each target to be seen.
     combine : str
         See `Objective`.
+    certain : bool
+        Only lines that are called visible counted.
     choice : Choice
     state : (T,) int8 array
         Of the chosen set: see `set_state`.
@@ -41,6 +43,7 @@ class Siting:
     coverage: Coverage
     views: int
     combine: Combination
+    certain: bool
     choice: Choice
     state: NDArray[np.int8]
     probability: Float64Array
@@ -114,6 +117,7 @@ def choose_sites(
     *,
     views: int = 1,
     combine: Combination = "best",
+    certain: bool = False,
     method: Method = "auto",
 ) -> Siting:
     """Choose places by what the candidates see.
@@ -125,6 +129,9 @@ def choose_sites(
         Number of places.
     views, combine
         See `Objective`.
+    certain : bool
+        Count only lines that are called visible, with their probability: what is unknown counts as
+        not seen.
     method
         See `choose`.
 
@@ -133,13 +140,17 @@ def choose_sites(
     SettingsError, PointsError
         As `choose` and `Objective`.
     """
-    objective = Objective(covered.probability, covered.demand.weight, views, combine)
+    probability = covered.probability
+    if certain:
+        probability = np.where(covered.state == VISIBLE, probability, np.float32(0.0))
+    objective = Objective(probability, covered.demand.weight, views, combine)
     choice = choose(objective, count, method)
     chosen = list(choice.sites)
     return Siting(
         covered,
         views,
         combine,
+        certain,
         choice,
         set_state(covered.state[chosen], views),
         objective.views_of(chosen).enough,
@@ -156,6 +167,7 @@ def site(
     reach: Reach,
     views: int = 1,
     combine: Combination = "best",
+    certain: bool = False,
     method: Method = "auto",
     risk: float = DEFAULT_RISK,
     progress: Progress | None = None,
@@ -163,4 +175,6 @@ def site(
     """Choose places that see the most of the targets; `coverage`, then `choose_sites`."""
     check_count(len(candidates), count, views, method)
     covered = coverage(scene, candidates, demand, reach, risk=risk, progress=progress)
-    return choose_sites(covered, count, views=views, combine=combine, method=method)
+    return choose_sites(
+        covered, count, views=views, combine=combine, certain=certain, method=method
+    )
