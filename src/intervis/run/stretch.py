@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from intervis.errors import IntervisError, MissingExtraError, OutputError, SettingsError
 from intervis.method.analysis import Analysis, analyze
 from intervis.method.granularity import TauHysteresis
@@ -16,6 +18,7 @@ from intervis.run.frame_file import (
     load_record,
     save_frame,
 )
+from intervis.run.frame_sight import FrameSight, SightRequest, sight_of_scan
 from intervis.run.viewpoint import MetaViewpoint
 from intervis.settings import Settings
 
@@ -57,6 +60,8 @@ class Stretch:
         P0 of the frames.
     compress : bool
         Deflate the frame files.
+    sight : SightRequest or None
+        Sight lines to ask in every frame.
     """
 
     drive: "Drive"
@@ -65,6 +70,7 @@ class Stretch:
     settings: Settings
     viewpoint: MetaViewpoint
     compress: bool = False
+    sight: SightRequest | None = None
 
 
 def stretches_of(whole: Stretch, frames: int = FRAMES) -> list[Stretch]:
@@ -101,13 +107,14 @@ def outcomes(stretch: Stretch) -> Iterator[Outcome]:
         path = frame_path(stretch.out, number)
         try:
             frame = stretch.drive[number]
-            fingerprint = frame_fingerprint(frame, stretch.settings, stretch.viewpoint.requested)
+            fingerprint = _fingerprint(frame, stretch)
             record, reason = _record_of_earlier_run(path, fingerprint)
             if record is None:
                 if not compiled:  # compile the kernels that these frames need before timing
                     _analyze(frame, stretch, granularity)
                     compiled = True
                 analysis = _analyze(frame, stretch, granularity)
+                sight = _sight(frame, stretch, analysis)
         except (SettingsError, MissingExtraError):
             raise
         except IntervisError as error:
@@ -118,7 +125,10 @@ def outcomes(stretch: Stretch) -> Iterator[Outcome]:
         else:
             if record is None:
                 yield save_frame(
-                    path, frame, analysis, fingerprint, compress=stretch.compress, remade=reason
+                    *(path, frame, analysis, fingerprint),
+                    sight=sight,
+                    compress=stretch.compress,
+                    remade=reason,
                 )
                 continue
             if granularity is not None:  # a resumed run chooses tau as an uninterrupted one
@@ -140,6 +150,24 @@ def _analyze(frame: "Frame", stretch: Stretch, granularity: TauHysteresis | None
         settings=stretch.settings,
         tau_for=granularity.choose if granularity is not None else None,
     )
+
+
+def _sight(frame: "Frame", stretch: Stretch, analysis: Analysis) -> FrameSight | None:
+    if stretch.sight is None:
+        return None
+    start = stretch.sight.start(stretch.drive, frame, analysis.viewpoint)
+    return sight_of_scan(frame.points, start, stretch.sight.risk)
+
+
+def _fingerprint(frame: "Frame", stretch: Stretch) -> str:
+    """Digest of the frame and the run; sight lines from the next place depend on its pose."""
+    asked: list[object] = []
+    if stretch.sight is not None:
+        asked.append(stretch.sight.described())
+        if stretch.sight.place == "next":
+            start = stretch.sight.start(stretch.drive, frame, np.zeros(3))
+            asked.append(None if start is None else start.tolist())
+    return frame_fingerprint(frame, stretch.settings, stretch.viewpoint.requested, asked)
 
 
 def _record_of_earlier_run(path: Path, fingerprint: str) -> tuple[FrameRecord | None, str]:

@@ -127,7 +127,8 @@ def weighted_by_users(
     Raises
     ------
     PointsError
-        No road user is near a target, or a weight is negative or not finite.
+        No road user is near a target, a place is not finite, or a weight is negative or not
+        finite.
     SettingsError
         `background` is not from 0 to 1.
 
@@ -142,6 +143,8 @@ def weighted_by_users(
     each = np.ones(len(users)) if weight is None else np.asarray(weight, np.float64)
     if each.shape != (len(users),) or not ((each >= 0.0) & np.isfinite(each)).all():
         raise PointsError("the weights of road users must be 0 or more, and finite, one for each.")
+    if not np.isfinite(users[:, :2]).all():
+        raise PointsError("the places of road users must be finite, in metres.")
     near = cKDTree(users[:, :2]).query_ball_tree(cKDTree(demand.points[:, :2]), USER_RADIUS_M)
     gathered, outside = np.zeros(len(demand.points)), 0
     for mine, amount in zip(near, each, strict=True):

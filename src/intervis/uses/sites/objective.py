@@ -13,6 +13,18 @@ Combination = Literal["best", "independent"]
 COMBINATIONS: tuple[str, ...] = get_args(Combination)
 
 
+def check_combination(combine: str) -> None:
+    """Raise where there is no such combination.
+
+    Raises
+    ------
+    SettingsError
+        It is none of `COMBINATIONS`.
+    """
+    if combine not in COMBINATIONS:
+        raise SettingsError(f"combine must be one of {', '.join(COMBINATIONS)}, got {combine!r}.")
+
+
 @dataclass(frozen=True, eq=False)
 class Objective:
     """The worth of sets of C candidates that look at T targets.
@@ -71,10 +83,7 @@ class Objective:
             raise PointsError("the weights of targets must be 0 or more, finite, and not all 0.")
         if self.views < 1:
             raise SettingsError(f"views must be 1 or more, got {self.views}.")
-        if self.combine not in COMBINATIONS:
-            raise SettingsError(
-                f"combine must be one of {', '.join(COMBINATIONS)}, got {self.combine!r}."
-            )
+        check_combination(self.combine)
         object.__setattr__(self, "probability", probability.astype(np.float32, copy=False))
         object.__setattr__(self, "weight", weight / weight.sum())
 

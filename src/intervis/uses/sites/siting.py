@@ -14,7 +14,7 @@ from intervis.uses.sites.candidate import Candidate
 from intervis.uses.sites.choice import Choice, Method, check_count, choose
 from intervis.uses.sites.coverage import OUT_OF_REACH, STATES, Coverage, coverage
 from intervis.uses.sites.demand import Demand
-from intervis.uses.sites.objective import Combination, Objective
+from intervis.uses.sites.objective import Combination, Objective, check_combination
 from intervis.uses.sites.reach import Reach
 
 
@@ -174,6 +174,7 @@ def site(
 ) -> Siting:
     """Choose places that see the most of the targets; `coverage`, then `choose_sites`."""
     check_count(len(candidates), count, views, method)
+    check_combination(combine)
     covered = coverage(scene, candidates, demand, reach, risk=risk, progress=progress)
     return choose_sites(
         covered, count, views=views, combine=combine, certain=certain, method=method
