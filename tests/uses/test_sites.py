@@ -35,7 +35,7 @@ from intervis.uses.sites.demand import (
 from intervis.uses.sites.objective import Objective
 from intervis.uses.sites.reach import OBJECTS, Reach, object_size, scanner_with
 from intervis.uses.sites.site_figure import COLOURS, siting_picture
-from intervis.uses.sites.siting import Siting, choose_sites, set_state, site
+from intervis.uses.sites.siting import Siting, best_sites, choose_sites, set_state
 
 EVERYWHERE = Reach(SENSORS["generic"], least_returns=0.0)
 EAST = Zone("east", [[6, -8], [16, -8], [16, 8], [6, 8]], 0.4, 1.6)
@@ -56,7 +56,7 @@ def scene() -> Scene:
 @pytest.fixture(scope="module")
 def found(scene: Scene) -> Siting:
     demand = demand_of_zones(scene, [EAST, WEST], 1.0)
-    return site(scene, CANDIDATES, demand, 1, reach=EVERYWHERE)
+    return best_sites(scene, CANDIDATES, demand, 1, reach=EVERYWHERE)
 
 
 # The square on paper
@@ -101,7 +101,9 @@ def test_other_choices_on_paper(
     }
     assert {taken[nth].name for nth in max(worth, key=worth.__getitem__)} == best
     for method in ("greedy", "exact"):
-        answer = site(scene, taken, demand, count, reach=EVERYWHERE, views=views, method=method)
+        answer = best_sites(
+            scene, taken, demand, count, reach=EVERYWHERE, views=views, method=method
+        )
         assert {one.name for one in answer.sites} == best
         assert answer.choice.value == pytest.approx(max(worth.values()), abs=0.05)
 
@@ -225,7 +227,7 @@ def test_targets_out_of_reach_are_not_seen(scene: Scene) -> None:
     assert (covered.probability[covered.state == OUT_OF_REACH] == 0.0).all()
     assert covered.shares["out of reach"].tolist() == [0.5, 1.0]
     few = Reach(SENSORS["generic"], least_returns=1e5)
-    none = site(scene, [west, up], demand_of_points(targets), 1, reach=few)
+    none = best_sites(scene, [west, up], demand_of_points(targets), 1, reach=few)
     assert none.choice.value == 0.0
     assert none.shares["out of reach"] == 1.0
 
@@ -382,7 +384,7 @@ def test_candidate_files_that_make_no_sense(
 def test_requests_that_make_no_sense(scene: Scene, found: Siting, tmp_path: Path) -> None:
     demand = found.coverage.demand
     with pytest.raises(SettingsError, match="9 places cannot be chosen from 4 candidates"):
-        site(scene, CANDIDATES, demand, 9, reach=EVERYWHERE)
+        best_sites(scene, CANDIDATES, demand, 9, reach=EVERYWHERE)
     with pytest.raises(PointsError, match="candidates must be 1 to 20,000 in number, got 0"):
         check_candidates_in_scene(scene, [])
     with pytest.raises(PointsError, match="the place of candidate 'A' must be three finite"):

@@ -92,7 +92,8 @@ def run(
         str | None,
         typer.Option(
             metavar="viewpoint|next",
-            help="Where these lines start: --viewpoint (default), or the scanner in the next frame.",
+            help="Where these lines start: --viewpoint (default), or the scanner of the next"
+            " frame.",
         ),
     ] = None,
     risk: Annotated[
@@ -183,8 +184,8 @@ def _sight_request(wanted: bool, start: str | None, risk: float | None) -> "Sigh
             if value is not None:
                 raise SettingsError(f"{option} is about the sight lines of --sight: give --sight.")
         return None
-    given: dict[str, Any] = {} if start is None else {"place": start}
-    return SightRequest(**given, **({} if risk is None else {"risk": risk}))
+    given: dict[str, Any] = {"place": start, "risk": risk}
+    return SightRequest(**{name: value for name, value in given.items() if value is not None})
 
 
 def _folders(sources: Sequence[Path], out: Path) -> list[Path]:

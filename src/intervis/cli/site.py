@@ -158,7 +158,7 @@ def site(
     from intervis.sight.occupancy_model import DEFAULT_RISK
     from intervis.uses.sites.choice import check_count
     from intervis.uses.sites.coverage import batches
-    from intervis.uses.sites.siting import site as sited
+    from intervis.uses.sites.siting import best_sites
 
     drive = open_drive(source)
     numbers = selected_frames(drive.frame_numbers, frame_range)
@@ -169,7 +169,7 @@ def site(
     with progress("candidates", len(batches(len(places), len(demand.points)))) as advance:
         chosen: Any = {"views": views, "combine": combine, "method": method, "certain": certain}
         chosen["risk"] = DEFAULT_RISK if risk is None else risk
-        found = sited(scene, places, demand, count, reach=reached, progress=advance, **chosen)
+        found = best_sites(scene, places, demand, count, reach=reached, progress=advance, **chosen)
     _show(found, drive, len(used))
     settings = {"drive": drive.name, "frames": used, "mast_m": mast, "cell_m": cell}
     settings |= {"risk": chosen["risk"], "users": users, "background": background}
@@ -334,10 +334,11 @@ def _write(
         write_text(geojson, siting_as_geojson(found))
     if picture is not None:
         from intervis.plots.style import save_figure
+        from intervis.uses.routes.zone import GROUND_SCANS
         from intervis.uses.sites.site_figure import siting_picture
 
         returns = returns_above(drive, used)
-        above_m = returns[:, 2] - scene.ground_height(returns[:, :2])
+        above_m = returns[:, 2] - scene.ground_height(returns[:, :2], GROUND_SCANS)
         figure = siting_picture(found, returns[above_m > ABOVE_GROUND_M])
         save_figure(figure, picture, picture.suffix[1:].lower())
     for name, path in (

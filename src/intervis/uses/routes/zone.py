@@ -24,6 +24,9 @@ MOST_CORNERS, FARTHEST_M, LARGEST_WEIGHT = 500, 1e7, 1e9
 MOST_CELLS = 1_000_000
 """Cells of the rectangle around a zone that are looked at, to sample it."""
 
+GROUND_SCANS = 5
+"""Where the cells are given, the ground is the median of so many scans."""
+
 LEAST_AREA_M2 = 1e-4
 DEFAULT_HEIGHTS_M = (0.2, 2.0)
 
@@ -122,7 +125,8 @@ class Zone:
         """(N, 3) points of the zone, scene frame: cells of equal area at `LEVELS` heights.
 
         Heights count from the ground of the scene. NaN where it shows no ground. `cell_m` is the
-        edge of the cells; None: so that there are some `SAMPLES` points.
+        edge of the cells; None: so that there are some `SAMPLES` points. With it the ground is the
+        median of `GROUND_SCANS` scans, otherwise that of the nearest scan.
 
         Raises
         ------
@@ -131,7 +135,7 @@ class Zone:
         """
         xy = self._cells() if cell_m is None else self.cells(cell_m)
         levels_m = np.linspace(self.low_m, self.high_m, LEVELS if self.high_m > self.low_m else 1)
-        ground_m = scene.ground_height(xy)
+        ground_m = scene.ground_height(xy, 1 if cell_m is None else GROUND_SCANS)
         heights = (ground_m[:, None] + levels_m).ravel()
         return np.column_stack([np.repeat(xy, len(levels_m), axis=0), heights])
 

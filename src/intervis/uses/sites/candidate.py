@@ -14,7 +14,7 @@ from intervis.sight.query_checks import finite_number, positive_length
 from intervis.uses.routes.route import Route
 from intervis.uses.routes.survey import distance_to_scans
 from intervis.uses.routes.target_file import FARTHEST_M
-from intervis.uses.routes.zone import Zone
+from intervis.uses.routes.zone import GROUND_SCANS, Zone
 
 MAST_M = 5.0
 """Height of a mast above the ground, unless told."""
@@ -126,7 +126,7 @@ def _on_masts(
         raise PointsError(
             f"{len(xy):,} candidates are more than {MOST_CANDIDATES:,}: take them farther apart."
         )
-    z_m = scene.ground_height(xy) + mast_m
+    z_m = scene.ground_height(xy, GROUND_SCANS) + mast_m
     kept = np.isfinite(z_m) & (distance_to_scans(scene, xy) <= FARTHEST_M)
     if not kept.any():
         raise SceneError(

@@ -12,6 +12,7 @@ from intervis.drives.calibration import read_lines
 from intervis.errors import CalibrationError, DriveError, SceneError
 from intervis.sight import Scene
 from intervis.uses.routes.target_file import cell_number, read_rows
+from intervis.uses.routes.zone import GROUND_SCANS
 from intervis.uses.sites.candidate import MAST_M, Candidate, check_candidates_in_scene
 
 COLUMNS = ("x", "y", "z", "height", "yaw_deg", "fov_deg")
@@ -44,7 +45,8 @@ def read_candidates(path: Path, scene: Scene, mast_m: float = MAST_M) -> list[Ca
     if not rows:
         raise CalibrationError(f"{path} holds no candidates.")
     values = [_numbers_of(path, nth, row) for nth, row in enumerate(rows, start=1)]
-    ground_m = scene.ground_height(np.array([[one["x"], one["y"]] for one in values]))
+    xy = np.array([[one["x"], one["y"]] for one in values])
+    ground_m = scene.ground_height(xy, GROUND_SCANS)
     found = [
         _candidate(row.get("name") or nth, one, float(below_m), mast_m)
         for nth, (row, one, below_m) in enumerate(zip(rows, values, ground_m, strict=True), start=1)

@@ -158,7 +158,7 @@ def choose_sites(
     )
 
 
-def site(
+def best_sites(
     scene: Scene,
     candidates: Sequence[Candidate],
     demand: Demand,
