@@ -93,7 +93,7 @@ def route_sight(
         )
     state = np.empty((len(eyes), len(targets)), np.int8)
     probability = np.empty(state.shape, np.float32)
-    order = by_direction(eyes, targets)
+    order = _by_direction(eyes, targets)
     in_order = targets[order]
     for begin, end in batches(len(eyes), len(targets), moments_s is not None):
         part = slice(begin, end)
@@ -106,7 +106,7 @@ def route_sight(
     return RouteSight(eyes, targets, state, probability)
 
 
-def by_direction(eyes: Float64Array, targets: Float64Array) -> IntArray:
+def _by_direction(eyes: Float64Array, targets: Float64Array) -> IntArray:
     """Order (M,) of the targets around the route: neighbouring lines read the same pixels."""
     x, y = (targets - eyes.mean(axis=0)).T[:2] if len(eyes) else targets.T[:2]
     return np.argsort(np.arctan2(y, x), kind="stable")

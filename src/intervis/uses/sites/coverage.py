@@ -11,7 +11,6 @@ from intervis.errors import SettingsError
 from intervis.progress import Progress, silent
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
-from intervis.uses.routes.route_sight import by_direction
 from intervis.uses.sites.candidate import Candidate, check_candidates_in_scene
 from intervis.uses.sites.demand import Demand
 from intervis.uses.sites.reach import Reach, faces
@@ -113,11 +112,9 @@ def coverage(
     state = np.full((len(candidates), len(demand.points)), OUT_OF_REACH, np.int8)
     probability = np.zeros(state.shape, np.float32)
     returns = np.zeros(len(candidates))
-    order = by_direction(places, demand.points)
     for begin, end in batches(len(candidates), len(demand.points)):
         free = np.array([_free_returns(one, demand, reach) for one in candidates[begin:end]])
-        row, place = np.nonzero(reach.within(free)[:, order])
-        column = order[place]
+        row, column = np.nonzero(reach.within(free))
         sight = scene.sight_lines(places[begin + row], demand.points[column], risk=risk)
         state[begin + row, column] = sight.state
         probability[begin + row, column] = sight.probability

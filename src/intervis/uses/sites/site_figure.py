@@ -80,7 +80,7 @@ def siting_picture(found: Siting, returns: Float64Array) -> "Figure":
 def _title(found: Siting) -> str:
     count, of = len(found.choice.sites), len(found.coverage.candidates)
     by = "" if found.views == 1 else f", seen by {found.views} places or more"
-    return f"{count} of {of} candidates chosen; targets, the worst of those above each other{by}"
+    return f"{count} of {of} candidates; of targets above each other the worst state{by}"
 
 
 def _window(*shown: Float64Array) -> Float64Array:
