@@ -14,9 +14,9 @@ PLACES = [(-18, -18), (-18, 6), (-8, -6), (-6, 18), (6, 18), (8, -6), (18, 6), (
 THICK_M = 0.1
 
 
-def returns(x_m: float, y_m: float) -> np.ndarray:
+def returns(x_m: float, y_m: float, phase_deg: float = 0.0) -> np.ndarray:
     """(N, 3) returns in the frame of a level scanner 1.7 m above (x, y)."""
-    azimuth = np.radians(np.arange(-180, 180, 0.5))
+    azimuth = np.radians(np.arange(-180, 180, 0.5) + phase_deg)
     elevation = np.radians(np.linspace(-24, 24, 97))
     azimuth, elevation = (one.ravel() for one in np.meshgrid(azimuth, elevation))
     level = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1) * np.cos(elevation)[:, None]
