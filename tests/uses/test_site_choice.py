@@ -178,6 +178,14 @@ def test_worths_that_make_no_sense() -> None:
         Objective(seen, np.ones(2), 1, "sum")  # type: ignore[arg-type]
 
 
+def test_all_candidates_and_very_many_need_no_search() -> None:
+    seen = np.eye(400, dtype=np.float32)
+    world = Objective(seen, np.ones(400))
+    whole, most = choose(world, 400), choose(world, 399, "exact")
+    assert (whole.method, whole.value, whole.bound) == ("exact", pytest.approx(1.0), whole.value)
+    assert (most.method, most.value) == ("greedy", pytest.approx(399 / 400))
+
+
 def test_what_sees_nothing_is_worth_nothing() -> None:
     found = choose(Objective(np.zeros((3, 2), np.float32), np.ones(2)), 2)
     assert (found.sites, found.value, found.bound, found.share_of_best) == ((0, 1), 0.0, 0.0, 1.0)

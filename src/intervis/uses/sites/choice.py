@@ -2,7 +2,7 @@
 
 import heapq
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -18,6 +18,8 @@ FEW_SETS = 100_000
 """``auto`` proves the best set where there are no more sets than this."""
 MOST_WORK = {"auto": 1e9, "exact": 2e10}
 """Targets that a search looks at before it stops without a proof: some seconds, some minutes."""
+DEEPEST = 300
+"""Larger sets are not searched: the search calls itself once for each place."""
 ROUNDING = 1e-12
 
 
@@ -87,8 +89,10 @@ def choose(objective: Objective, count: int, method: Method = "auto") -> Choice:
     """
     check_count(len(objective), count, objective.views, method)
     found = greedy_choice(objective, count)
+    if count == len(objective):
+        return replace(found, bound=found.value, method="exact")
     few = math.comb(len(objective), count) <= FEW_SETS
-    if method == "exact" or (method == "auto" and few):
+    if count <= DEEPEST and (method == "exact" or (method == "auto" and few)):
         return _Search(objective, count, found, MOST_WORK[method]).run()
     return found
 

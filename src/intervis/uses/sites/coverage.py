@@ -115,11 +115,14 @@ def coverage(
     for begin, end in batches(len(candidates), len(demand.points)):
         free = np.array([_free_returns(one, demand, reach) for one in candidates[begin:end]])
         row, column = np.nonzero(reach.within(free))
-        sight = scene.sight_lines(places[begin + row], demand.points[column], risk=risk)
-        state[begin + row, column] = sight.state
-        probability[begin + row, column] = sight.probability
-        expected = free[row, column] * sight.probability * demand.weight[column]
-        returns[begin:end] = np.bincount(row, expected, minlength=end - begin)
+        for first in range(0, len(row), LINES_AT_ONCE):
+            part = slice(first, first + LINES_AT_ONCE)
+            one, target = begin + row[part], column[part]
+            sight = scene.sight_lines(places[one], demand.points[target], risk=risk)
+            state[one, target] = sight.state
+            probability[one, target] = sight.probability
+            expected = free[row[part], target] * sight.probability * demand.weight[target]
+            returns += np.bincount(one, expected, minlength=len(candidates))
         (progress or silent)(f"candidate {end} of {len(candidates)}")
     return Coverage(tuple(candidates), demand, reach, state, probability, returns)
 

@@ -79,8 +79,8 @@ def siting_picture(found: Siting, returns: Float64Array) -> "Figure":
 
 def _title(found: Siting) -> str:
     count, of = len(found.choice.sites), len(found.coverage.candidates)
-    by = "" if found.views == 1 else f", seen by {found.views} places or more"
-    return f"{count} of {of} candidates; of targets above each other the worst state{by}"
+    by = "" if found.views == 1 else f", by {found.views} places or more"
+    return f"{count} of {of} candidates; worst state of the targets above each other{by}"
 
 
 def _window(*shown: Float64Array) -> Float64Array:
@@ -102,9 +102,10 @@ def _draw_targets(axes: Any, found: Siting, inches_per_m: float) -> None:
     np.minimum.at(worst, member.reshape(-1), badness)
     spacing_m = _spacing(columns)
     size = max((72.0 * inches_per_m * spacing_m) ** 2, FILL_PT2)
+    unit = "" if np.ptp(weight) < 0.1 * weight.max() else " of the weight"
     for state, colour in COLOURS.items():
         share = float(weight[found.state == state].sum())
-        label = f"{STATES[state]}, {100 * share:.0f} %"
+        label = f"{STATES[state]}, {100 * share:.0f} %{unit}"
         here = columns[worst == order.index(state)]
         if share > 0.0 or len(here):
             dots(axes, here, s=size, marker="s", color=colour, alpha=0.8, label=label, zorder=1)

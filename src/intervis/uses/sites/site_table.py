@@ -58,8 +58,8 @@ def summary_of(found: Siting) -> str:
         worth = f"A target is seen with a probability of {100 * choice.value:.1f} %"
     else:
         worth = (
-            f"Of the {views} views of each target {100 * choice.value:.1f} % are met; all {views}"
-            f" are with a probability of {100 * found.enough:.1f} %"
+            f"Of the {views} views of each target {100 * choice.value:.1f} % are met; a target has"
+            f" all of them with a probability of {100 * found.enough:.1f} %"
         )
     worth += {
         "best": " or more, whatever the sites have in common.",
