@@ -152,7 +152,7 @@ def test_auto_is_exact_for_few_sets_only(monkeypatch: pytest.MonkeyPatch) -> Non
     [
         (4, 1, "auto", "4 places cannot be chosen from 3 candidates: give a number from 1 to 3"),
         (0, 1, "auto", "0 places cannot be chosen from 3 candidates"),
-        (2, 3, "auto", r"seen by 1 to 2 of 2 places, and 3 are asked: choose more places"),
+        (2, 3, "auto", "views must be from 1 to the number of places, 2, got 3: choose"),
         (1, 1, "best", "the method must be one of auto, greedy, exact, got 'best'"),
     ],
 )

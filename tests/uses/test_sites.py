@@ -449,7 +449,7 @@ def test_the_command_writes_what_it_prints(square: Path, tmp_path: Path, capsys)
     assert exit_code(command) == 0
     said = capsys.readouterr().out
     assert "4 candidates, 960 targets" in said
-    assert "No other 2 of the 4 candidates reach more." in said
+    assert "No other 2 candidates reach more. All 4 candidates together reach" in said
     with files["csv"].open() as file:
         rows = list(csv.DictReader(file))
     assert [row["name"] for row in rows] == ["E", "W", "N", "NE"]
@@ -503,6 +503,7 @@ def test_weights_and_lattices_of_the_command(square: Path, tmp_path: Path, capsy
         (["--zones", "ZONES", "--along", "way", "--combine", "sum"], "combine must be one of best"),
         (["--zones", "ZONES", "--along", "way", "--method", "fast"], "the method must be one of"),
         (["--zones", "ZONES", "--along", "way", "--users", "labels"], "has no labelled objects"),
+        (["--zones", "z", "--along", "way", "--background", "0.2"], "--background is about the"),
         (["--zones", "none", "--along", "way"], "there are no zones at none"),
         (["--zones", "ZONES", "--along", "none"], "there is no route at none"),
         (["--zones", "CROSSING", "--along", "way"], "'z' crosses itself"),

@@ -77,8 +77,9 @@ def site(
         ),
     ] = None,
     background: Annotated[
-        float, typer.Option(metavar="SHARE", help="Weight that --users leaves everywhere.")
-    ] = 0.1,
+        float | None,
+        typer.Option(metavar="SHARE", help="Weight that --users leaves everywhere; default: 0.1."),
+    ] = None,
     scanner: Annotated[
         str, typer.Option(metavar="NAME", help="Scanner at the places; a preset as of --sensor.")
     ] = "OS1-128",
@@ -143,6 +144,8 @@ def site(
         raise SettingsError(
             "give candidates by one of --candidates FILE, --along FILE|way and --within FILE."
         )
+    if background is not None and users is None:
+        raise SettingsError("--background is about the weights of --users: give --users, too.")
     if not 0.0 <= mast <= 1000.0:
         raise SettingsError(f"--mast must be from 0 to 1000 m, got {mast}.")
     frame_range = options.frame_range(frames)
@@ -158,21 +161,24 @@ def site(
     from intervis.sight.occupancy_model import DEFAULT_RISK
     from intervis.uses.sites.choice import check_count
     from intervis.uses.sites.coverage import batches
+    from intervis.uses.sites.demand import BACKGROUND
     from intervis.uses.sites.siting import best_sites
+
+    kept = BACKGROUND if background is None else background
 
     drive = open_drive(source)
     numbers = selected_frames(drive.frame_numbers, frame_range)
     scene, used = _scene(drive, numbers, spacing, sensor)
     places = _candidates(drive, scene, candidates, along, within, offsets_m, every, mast)
     check_count(len(places), count, views, method)
-    demand = _demand(drive, used, scene, zones, targets, cell, users, background)
+    demand = _demand(drive, used, scene, zones, targets, cell, users, kept)
     with progress("candidates", len(batches(len(places), len(demand.points)))) as advance:
         chosen: Any = {"views": views, "combine": combine, "method": method, "certain": certain}
         chosen["risk"] = DEFAULT_RISK if risk is None else risk
         found = best_sites(scene, places, demand, count, reach=reached, progress=advance, **chosen)
     _show(found, drive, len(used))
     settings = {"drive": drive.name, "frames": used, "mast_m": mast, "cell_m": cell}
-    settings |= {"risk": chosen["risk"], "users": users, "background": background}
+    settings |= {"risk": chosen["risk"], "users": users, "background": kept}
     _write(found, drive, scene, used, settings, outputs)
 
 

@@ -114,8 +114,8 @@ def check_count(candidates: int, count: int, views: int = 1, method: str = "auto
         )
     if not 1 <= views <= count:
         raise SettingsError(
-            f"each target can be seen by 1 to {count} of {count} places, and {views} are asked:"
-            " choose more places, or ask for fewer views."
+            f"views must be from 1 to the number of places, {count}, got {views}: choose more"
+            " places, or ask for fewer views."
         )
 
 

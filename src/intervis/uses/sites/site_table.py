@@ -67,16 +67,17 @@ def summary_of(found: Siting) -> str:
     }[found.combine]
     if found.certain:
         worth += " Lines that are unknown counted as not seen."
-    count = len(found.coverage.candidates)
-    if choice.method == "exact":
-        proof = f"No other {len(choice.sites)} of the {count} candidates reach more."
-    else:
+    chosen, count = len(choice.sites), len(found.coverage.candidates)
+    if chosen == count:
+        return f"{worth} All candidates are chosen."
+    others = "No other candidate reaches" if chosen == 1 else f"No other {chosen} candidates reach"
+    proof = f"{others} more."
+    if choice.method != "exact":
         proof = (
-            f"No {len(choice.sites)} of the {count} candidates reach more than"
-            f" {100 * choice.bound:.1f} %, so the best choice is at most"
+            f"{others} more than {100 * choice.bound:.1f} %, so the best choice is at most"
             f" {100 / choice.share_of_best - 100:.1f} % better."
         )
-    return f"{worth} {proof} All candidates together reach {100 * found.attainable:.1f} %."
+    return f"{worth} {proof} All {count} candidates together reach {100 * found.attainable:.1f} %."
 
 
 def _candidate_rows(found: Siting) -> list[dict[str, Any]]:
