@@ -112,6 +112,31 @@ def test_choices_against_enumeration(problem: tuple[Objective, int]) -> None:
     assert sum(exact.gains) == pytest.approx(exact.value)
 
 
+@pytest.mark.parametrize("combine", ["best", "independent"])
+def test_the_best_set_is_found_where_greedy_is_close_to_it(combine: str) -> None:
+    gaps = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        world = Objective(rng.random((10, 30)).astype(np.float32) ** 4, rng.random(30), 1, combine)
+        best = max(world.value(list(one)) for one in itertools.combinations(range(10), 3))
+        assert choose(world, 3, "exact").value == pytest.approx(best, abs=1e-9)
+        gaps.append(best - greedy_choice(world, 3).value)
+    assert 0.0 < max(gaps) < 0.03  # greedy misses some, by little
+
+
+def test_the_bound_is_the_least_of_three() -> None:
+    rng = np.random.default_rng(5)
+    world = Objective(rng.random((9, 50)).astype(np.float32) ** 2, np.ones(50))
+    found = greedy_choice(world, 4)
+    views = world.views_of(list(found.sites))
+    left = sorted((views.gain(n) for n in range(9) if n not in found.sites), reverse=True)
+    assert found.bound == pytest.approx(found.value + sum(left[:4]))
+    assert found.bound < min(1.0, found.value / GREEDY_SHARE)
+    # Places that see different targets: their own gains are the bound, and it is reached.
+    apart = Objective(np.eye(4, dtype=np.float32), np.array([4.0, 3.0, 2.0, 1.0]))
+    assert greedy_choice(apart, 2).bound == pytest.approx(0.7)
+
+
 @settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_lazy_computes_fewer_gains(seed: int) -> None:
