@@ -51,3 +51,13 @@ def test_one_scan_is_its_own_median() -> None:
     rng = np.random.default_rng(0)
     places = rng.uniform(-30, 30, (200, 2))
     np.testing.assert_array_equal(scene.ground_height(places, 5), scene.ground_height(places))
+
+
+def test_a_scan_tells_nothing_beyond_its_map() -> None:
+    # The map of the first scan ends 64 m around it; the second one shows the ground 0.5 m higher.
+    x, y = np.meshgrid(np.arange(-66, 66, 0.5), np.arange(-20, 20, 0.5))
+    wide = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -1.7)])
+    scene = Scene.from_scan(wide, rigid(np.eye(3), [0.0, 0.0, 1.7]))
+    scene.add(level_scan(0.5), rigid(np.eye(3), [80.0, 0.0, 1.7]))
+    assert abs(scene.ground_height([[70.0, 0.0]], scans=2)[0] - 0.5) < 0.01
+    assert abs(scene.ground_height([[62.0, 0.0]], scans=2)[0] - 0.25) < 0.01  # both show it

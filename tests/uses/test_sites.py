@@ -200,6 +200,16 @@ def test_expected_returns_are_those_of_single_beams(away_m: float, name: str) ->
     assert expected == pytest.approx(np.mean(counts), rel=0.06)
 
 
+def test_expected_returns_from_high_above() -> None:
+    # 45 degrees down: there the beams stand closer beside each other, and see the top.
+    scanner = scanner_with((0.23, 0.31), (-70.0, 15.0), 100.0)
+    centre, eye, size_m = np.array([20.0, 0.0, 0.9]), [0.0, 0.0, 20.9], (1.8, 1.2, 0.7)
+    rng = np.random.default_rng(8)
+    counts = [beams_on_box(scanner, eye, centre, size_m, rng) for _ in range(80)]
+    expected = Reach(scanner, size_m).returns(eye, centre[None])[0]
+    assert expected == pytest.approx(np.mean(counts), rel=0.05)
+
+
 def test_reach_on_paper() -> None:
     scanner = scanner_with((0.2, 0.2), (-30.0, 30.0), 50.0)
     reach = Reach(scanner, (2.0, 2.0, 2.0), least_returns=50.0)
@@ -239,6 +249,9 @@ def test_zones_weigh_by_area_and_weight(scene: Scene) -> None:
     demand = demand_of_zones(scene, [EAST, WEST], 0.7)
     assert demand.weight.sum() == pytest.approx(1.0)
     assert demand.weight[demand.zone == 1].sum() == pytest.approx(2 / 3)
+    half = Zone("half", [[6, 10], [11, 10], [11, 26], [6, 26]], 0.4, 0.4)  # 80 m2 at one height
+    other = demand_of_zones(scene, [EAST, half], 1.0)
+    assert other.weight[other.zone == 1].sum() == pytest.approx(80 / (80 + 160))
     heights = demand.points[:, 2] - scene.ground_height(demand.points[:, :2])
     assert sorted(set(heights.round(6))) == [0.4, 1.0, 1.6]
     assert len(demand.points) == 3 * (15 * 23 + 15 * 23)  # 10 m and 16 m in cells of 0.7 m or less
@@ -450,6 +463,11 @@ def test_the_command_writes_what_it_prints(square: Path, tmp_path: Path, capsys)
     said = capsys.readouterr().out
     assert "4 candidates, 960 targets" in said
     assert "No other 2 candidates reach more. All 4 candidates together reach" in said
+    columns = [line.split() for line in said.splitlines() if line[:2] in ("E ", "W ", "N ")]
+    first, second = (float(line[-11]) for line in columns)  # covered, in per cent
+    adds = [float(line[-13]) for line in columns]
+    assert first == adds[0]
+    assert second == pytest.approx(sum(adds), abs=0.11)
     with files["csv"].open() as file:
         rows = list(csv.DictReader(file))
     assert [row["name"] for row in rows] == ["E", "W", "N", "NE"]
