@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+DOCS_VENV ?= .venv-docs
+DOCS_READY := $(DOCS_VENV)/.ready
 OUT ?= out/demo
 JOBS ?= 2
 TESTS ?=
@@ -11,7 +13,7 @@ SEED ?= 0
 FUZZ ?= 20000
 SOURCE ?=
 
-.PHONY: demo test test-slow lint types bench coverage mutants fuzz dist clean help
+.PHONY: demo test test-slow lint types bench coverage mutants fuzz docs dist clean help
 .DEFAULT_GOAL := help
 
 help:            ## the verbs
@@ -51,9 +53,20 @@ fuzz: $(READY)    ## changed files for every reader: each is read, or refused in
 bench: $(READY)   ## our times beside those of other tools; SOURCE=drive for a real one
 	$(BIN)/intervis bench $(SOURCE) --json out/bench.json
 
+# An environment of its own: the tests need no Sphinx.
+$(DOCS_READY): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "intervis needs Python 3.11 or newer; set PYTHON=/path/to/python3.11")'
+	$(PYTHON) -m venv $(DOCS_VENV)
+	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-input -c constraints.txt -e '.[docs]'
+	@touch $@
+
+docs: $(DOCS_READY) ## the documentation site, in out/site; warnings are errors
+	$(DOCS_VENV)/bin/python -m sphinx -W --keep-going -n -q -c tools/docs_site docs out/site
+	@echo out/site/index.html
+
 dist: $(READY)   ## source distribution and wheel, in dist/
 	rm -rf dist
 	$(BIN)/python -m build
 
 clean:           ## the environment and everything made
-	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(DOCS_VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

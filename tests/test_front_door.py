@@ -14,9 +14,11 @@ NAMES = [
     "Sensor",
     "Explanation",
     "explain",
+    "visible_mask",
     "VISIBLE",
     "OCCLUDED",
     "UNKNOWN",
+    "show",
     "analyze",
     "Analysis",
     "Settings",
@@ -74,7 +76,7 @@ def test_every_error_is_an_intervis_error():
     assert all(issubclass(error, intervis.IntervisError) for error in errors)
 
 
-@pytest.mark.parametrize("name", ["Scene", "analyze", "open_drive", "explain"])
+@pytest.mark.parametrize("name", ["Scene", "analyze", "open_drive", "explain", "visible_mask"])
 def test_help_names_array_arguments_and_does_not_expand_them(name):
     text = pydoc.render_doc(getattr(intervis, name), renderer=pydoc.plaintext)
     assert "_NestedSequence" not in text

@@ -15,7 +15,7 @@ from intervis.cli import COMMANDS
 ROOT = Path(intervis.__file__).parent
 LAYERS = (
     ("errors",),
-    ("arrays", "kernels", "progress"),
+    ("arrays", "kernels", "progress", "result_table"),
     ("delaunay", "directions", "files", "output_folder", "settings", "transform"),
     ("camera",),
     ("drives", "method", "sight"),
@@ -32,7 +32,7 @@ SIGHT_LAYERS = (
     ("box_surface", "ground_map", "occupancy_model", "projected_scan"),
     ("sensor",),
     ("answers", "observed_profile", "query_checks", "range_image"),
-    ("reference", "scan_buffer", "sight"),
+    ("depth_buffer", "reference", "scan_buffer", "sight"),
     ("box_sight",),
     ("scene",),
     ("explanation",),

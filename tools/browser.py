@@ -100,6 +100,10 @@ class Browser:
             " document.getElementById('message').textContent.startsWith('The page cannot')"
         )
 
+    def enter_frame(self, nth: int | None) -> None:
+        """Let scripts run in the nth iframe of the page from now on; None: in the page."""
+        self._call("POST", "/frame", {"id": nth})
+
     def run(self, script: str, *arguments: Any) -> Any:
         """The value that a script returns; it may be a promise."""
         return self._call("POST", "/execute/sync", {"script": script, "args": list(arguments)})

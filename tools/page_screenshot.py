@@ -42,11 +42,11 @@ def main() -> int:
         browser.screenshot(asked.picture, whole_page=True)
         for entry in browser.log():
             print(entry["level"], entry["message"], file=sys.stderr)
-    _reduce(asked.picture)
+    reduce_colours(asked.picture)
     return 0
 
 
-def _reduce(path: Path) -> None:
+def reduce_colours(path: Path) -> None:
     """Save a picture with 256 colours, where Pillow is installed: a third of the bytes."""
     try:
         from PIL import Image

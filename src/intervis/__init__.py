@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from intervis.sight import Sensor as Sensor
     from intervis.sight import Sight as Sight
     from intervis.sight import explain as explain
+    from intervis.sight import visible_mask as visible_mask
+    from intervis.view.notebook import show as show
 
 __version__ = "0.1.0"
 
@@ -67,9 +69,11 @@ _HOME = {
     "UNKNOWN": "intervis.sight",
     "VISIBLE": "intervis.sight",
     "explain": "intervis.sight",
+    "show": "intervis.view.notebook",
+    "visible_mask": "intervis.sight",
     "warm_up": "intervis.compilation",
 }
-_SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight", "uses")
+_SUBPACKAGES = ("drives", "live", "method", "plots", "run", "sight", "uses", "view")
 __all__ = [
     "OCCLUDED",
     "UNKNOWN",
@@ -99,6 +103,8 @@ __all__ = [
     "analyze",
     "explain",
     "open_drive",
+    "show",
+    "visible_mask",
     "warm_up",
 ]
 

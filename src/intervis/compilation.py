@@ -12,7 +12,7 @@ from intervis.camera import Camera
 from intervis.method.analysis import analyze
 from intervis.progress import Progress, silent
 from intervis.settings import Settings
-from intervis.sight import Scene, explain
+from intervis.sight import Scene, explain, visible_mask
 from intervis.sight.observed_profile import unobserved_parts
 from intervis.transform import rigid
 from intervis.uses import (
@@ -91,6 +91,8 @@ def _sight() -> None:
     scene.sight_boxes([0, 0, 0], [rigid(np.eye(3), [25.0, 0, 0])], [[4.0, 2.0, 1.5]])
     unobserved_parts(scene.packed_scans(), np.zeros((1, 3)), points[:1], 4)
     scene.ground_height(points[::50, :2])
+    for kind in (np.float32, np.float64):
+        visible_mask(points.astype(kind), [0, 0, 0])
 
 
 def _voxels() -> None:

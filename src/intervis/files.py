@@ -36,12 +36,18 @@ def check_replaceable(path: Path) -> Path:
     return target
 
 
-def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Call `write` on a file that gets its name only when it is complete.
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """A file to write into, which gets its name only when it is complete.
 
     Until then it is ``.NAME.*.part`` in the same folder, under a name that no other process or
     thread takes. A failure removes this file; a process that is killed leaves it. A link is kept
     and its target written.
+
+    Yields
+    ------
+    BinaryIO
+        The file, open for writing.
 
     Raises
     ------
@@ -53,7 +59,7 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
     try:
         try:
             with open(part, "xb") as file:
-                write(file)
+                yield file
             os.replace(part, target)
         except BaseException:
             with contextlib.suppress(OSError):
@@ -61,6 +67,18 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
             raise
     except OSError as error:
         raise OutputError(_write_failure(path, error)) from None
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Call `write` on a file that gets its name only when it is complete; see `whole_file`.
+
+    Raises
+    ------
+    OutputError
+        As `whole_file`.
+    """
+    with whole_file(path) as file:
+        write(file)
 
 
 def write_bytes(path: Path, content: bytes) -> None:

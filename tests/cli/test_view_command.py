@@ -44,7 +44,7 @@ def test_another_file_is_not_replaced(drive, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "give --html FILE to write a page, or --serve"),
+        ([], "give --html FILE to write a page, --serve to look at once, or --rerun"),
         (["--html", "PAGE", "--from", "camera"], "no camera: give --from as X,Y,Z, or sensor"),
         (["--html", "PAGE", "--from", "driver"], "--from must be X,Y,Z in metres"),
         (["--html", "PAGE", "--to", "1,2"], "--to must be X,Y,Z in metres"),

@@ -10,7 +10,7 @@ from small_drive import scan_folder
 
 EXTRAS = (
     *("embreex", "matplotlib", "PIL", "pypcd4", "lzf", "pyarrow", "pye57"),
-    *("laspy", "lazrs", "lz4", "backports", "rosbags"),
+    *("laspy", "lazrs", "lz4", "backports", "rosbags", "rerun", "foxglove"),
 )
 PROGRAM = (
     f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))\n"
@@ -56,6 +56,8 @@ def test_a_sight_line_is_answered(drive):
             ["sight", "{drive}", "--from", "sensor", "--to", "5,0,0", "--picture", "{out}.png"],
             "plots",
         ),
+        (["view", "{drive}", "--rerun", "{out}.rrd"], "viewer"),
+        (["view", "{drive}", "--foxglove", "{out}.mcap"], "viewer"),
         (["demo", "--out", "{out}"], "lab"),
         (["simulate", "--out", "{out}"], "lab"),
         (["evaluate", "street"], "lab"),

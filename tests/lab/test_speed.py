@@ -84,7 +84,14 @@ def test_every_work_runs_on_a_small_drive(tmp_path, capsys):
     drive = str(scan_folder(tmp_path / "drive", (0,)))
     assert exit_code(["bench", drive, "--rounds", "3"]) == 0
     said = capsys.readouterr().out
-    for group in ("tau 35", "full circle", "made ready", "sight lines", "paper compares"):
+    for group in (
+        "tau 35",
+        "full circle",
+        "made ready",
+        "sight lines",
+        "mask of a scan",
+        "paper compares",
+    ):
         assert group in said
 
 

@@ -125,7 +125,53 @@ def test_hysteresis_uses_the_speed_factor_it_is_given():
         TauHysteresis(settings).choose(20_000, speed_factor=factor) for factor in (0.2, 10.0)
     )
     assert fast < slow
-    assert fast == choose_tau(int(20_000 / 1.15), settings, speed_factor=0.2)
+    assert fast == choose_tau(20_000, settings, speed_factor=0.2)
+
+
+@given(st.lists(returns_in_view, min_size=1, max_size=20), st.floats(2.0, 200.0))
+def test_with_a_budget_no_frame_is_predicted_to_take_longer_unless_the_floor_demands_it(
+    counts, budget_ms
+):
+    settings = Settings(tau="auto", tpi_tolerance=6.0, time_budget_ms=budget_ms)
+    hysteresis = TauHysteresis(settings)
+    for n_fov in counts:
+        tau = hysteresis.choose(n_fov, speed_factor=1.0)
+        within = predicted_ms(n_fov, tau, 1.0) <= BUDGET_SHARE * budget_ms
+        assert within or tau == choose_tau(int(n_fov / 1.15), settings, speed_factor=1e9)
+
+
+@pytest.mark.parametrize("slower", [0.3, 1.0, 3.0])
+def test_the_budget_is_kept_on_a_machine_whose_speed_was_measured_wrongly(slower):
+    """Frames take `slower` times what is predicted; two frames are enough to learn it."""
+    hysteresis = TauHysteresis(Settings(tau="auto", tpi_tolerance=50.0, time_budget_ms=25.0))
+    chosen = []
+    for frame in range(12):
+        tau = hysteresis.choose(20_000, speed_factor=1.0)
+        taken_ms = slower * predicted_ms(20_000, tau, 1.0)
+        if frame == 5:
+            taken_ms *= 20.0  # held up by chance: it alone changes nothing
+        elif frame > 0:
+            assert taken_ms <= 25.0
+        hysteresis.learn(20_000, tau, taken_ms, speed_factor=1.0)
+        chosen.append(tau)
+    # the finest that is within the budget, as if the speed had been known
+    known = choose_tau(20_000, hysteresis.settings, speed_factor=slower)
+    assert set(chosen[2:]) == {known}
+
+
+def test_a_granularity_finer_than_the_budget_allows_is_not_kept():
+    hysteresis = TauHysteresis(Settings(tau="auto", time_budget_ms=30.0))
+    kept = [hysteresis._keeps(tau, 100_000, 8) for tau in (5, 7, 8, 12, 13)]
+    assert kept == [False, False, True, True, False]
+
+
+def test_without_a_budget_times_change_nothing():
+    hysteresis = TauHysteresis(Settings(tau="auto", tpi_tolerance=6.0))
+    first = hysteresis.choose(20_000)
+    hysteresis.learn(20_000, first, 1e6)
+    assert hysteresis.choose(20_000) == first
+    hysteresis.learn(20_000, 2 * first, 1.0)  # but the granularity of an earlier run is taken over
+    assert hysteresis.tau == 2 * first
 
 
 def test_the_speed_of_the_machine_is_the_median_of_seven_triangulations(monkeypatch):

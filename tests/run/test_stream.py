@@ -2,13 +2,11 @@
 
 import dataclasses
 import errno
-import gc
 import io
 import json
 import os
 import re
 import resource
-import weakref
 import zipfile
 from pathlib import Path
 
@@ -204,22 +202,6 @@ def test_the_first_frame_is_analysed_once_before_it_is_timed(tmp_path, monkeypat
     )
     run_drive(MemoryDrive(), tmp_path, settings=SETTINGS)
     assert len(calls) == 4 + 1
-
-
-def test_one_frame_is_held_at_a_time(tmp_path):
-    alive, most = weakref.WeakSet(), 0
-
-    class Watched(MemoryDrive):
-        def __getitem__(self, number):
-            nonlocal most
-            frame = super().__getitem__(number)
-            alive.add(frame)
-            gc.collect()
-            most = max(most, len(alive))
-            return frame
-
-    run_drive(Watched(tuple(range(12))), tmp_path, settings=SETTINGS)
-    assert most <= 2
 
 
 # Resuming

@@ -12,6 +12,9 @@ from intervis.files import check_replaceable
 if TYPE_CHECKING:
     from intervis.settings import Settings
 
+WIDEST_TOLERANCE = 50.0
+"""Of TPI, points: with it `tau="auto"` may sample as coarsely as a budget demands."""
+
 FARTHEST_M = 1e7
 """Coordinates are no larger, so that squares of distances are exact enough."""
 
@@ -145,26 +148,44 @@ def shard(text: str | None) -> tuple[int, int] | None:
     raise SettingsError(f"--shard must be I/N, with I from 1 to N, got {text!r}.")
 
 
-def settings(file: Path | None, tau: str | None, changes: list[str]) -> "Settings":
-    """Settings from a TOML file, then ``--tau``, then each ``--set name=value``.
+def settings(
+    file: Path | None, tau: str | None, changes: list[str], budget_ms: float | None = None
+) -> "Settings":
+    """Settings from a TOML file, then ``--tau``, ``--budget``, then each ``--set name=value``.
 
     Raises
     ------
     SettingsError
-        A name is unknown or a value is invalid.
+        A name is unknown, a value is invalid, or the budget meets a fixed tau.
     """
     from intervis.settings import Settings
 
     values: dict[str, Any] = {}
     if tau is not None:
         values["tau"] = _tau(tau)
+    values |= _within(budget_ms, values.get("tau", "auto"))
     for change in changes:
         name, equals, text = change.partition("=")
         if not equals or not name.strip():
             raise SettingsError(f"--set must be name=value, got {change!r}.")
         values[name.strip()] = _value(text.strip())
     base = Settings.from_toml(file) if file is not None else Settings()
-    return base.with_changes(**values) if values else base
+    chosen = base.with_changes(**values) if values else base
+    if budget_ms is not None and (chosen.tau != "auto" or chosen.sampling == "radius"):
+        raise SettingsError(
+            "--budget chooses tau for each frame: leave out a tau, and sampling by a radius, which"
+            " has none."
+        )
+    return chosen
+
+
+def _within(budget_ms: float | None, tau: int | str) -> dict[str, Any]:
+    """The settings by which tau keeps a budget; ``--set tpi_tolerance`` may demand more nodes."""
+    if budget_ms is None:
+        return {}
+    if not (math.isfinite(budget_ms) and budget_ms > 0):
+        raise SettingsError(f"--budget must be a positive number of milliseconds, got {budget_ms}.")
+    return {"tau": tau, "time_budget_ms": budget_ms, "tpi_tolerance": WIDEST_TOLERANCE}
 
 
 def _tau(text: str) -> int | str:

@@ -64,6 +64,14 @@ def run(
     tau: Annotated[
         str | None, typer.Option(metavar="K|auto", help="Granularity: number of returns per node.")
     ] = None,
+    budget: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MS",
+            help="Choose tau for each frame so that raw scan to region takes no longer than MS"
+            " milliseconds; frames that take longer are listed.",
+        ),
+    ] = None,
     frames: Annotated[
         str | None,
         typer.Option(metavar="A:B", help="Frame numbers, B not included; also A:, :B or A."),
@@ -143,7 +151,7 @@ def run(
         {
             "viewpoint": options.viewpoint(viewpoint),
             "frames": options.frame_range(frames),
-            "settings": options.settings(settings, tau, changes or []),
+            "settings": options.settings(settings, tau, changes or [], budget),
             "overwrite": overwrite,
             "compress": compress,
             "sight": _sight_request(sight, sight_from, risk),
@@ -299,12 +307,15 @@ def show_report(
 
 def show_run(summary: "RunSummary") -> None:
     """Print the measures and stage times of a run, and its failed frames."""
-    from intervis.run.tables import measures_table, times_table
+    from intervis.run.tables import measures_table, pace_table, times_table
 
     if summary.frames:
         show(measures_table(summary.frames).as_text())
         show("")
         show(times_table(summary.content["times_s"], len(summary.frames)).as_text())
+        pace = pace_table(summary.content)
+        if pace is not None:
+            show("\n" + pace.as_text())
     dropped = sum(int(record.measures["n_dropped"]) for record in summary.frames)
     if dropped:
         show(f"{dropped} rows that are no return (NaN, infinite, or 0, 0, 0) were ignored.")

@@ -19,6 +19,7 @@ from intervis.drives.image_file import checked_image_size_px
 from intervis.drives.point_labels import read_labels
 from intervis.drives.pose_track import PoseTrack
 from intervis.errors import DriveError, MissingExtraError
+from intervis.result_table import result_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,18 @@ class Frame:
         known += ["pose"] if self.pose is not None else []
         known += ["timestamp"] if self.timestamp_ns is not None else []
         return f"<Frame {self.number}: {', '.join(known)}>"
+
+    def _repr_html_(self) -> str:
+        """What the frame holds, as a notebook shows it; nothing is read."""
+        rows = {
+            "points": f"{len(self.points):,}",
+            "attributes": ", ".join(self.attributes) or "-",
+            "camera": "-" if self.camera is None else self.camera.name,
+            "image": "-" if self.image_path is None else self.image_path.name,
+            "pose": "-" if self.pose is None else "yes",
+            "timestamp": "-" if self.timestamp_ns is None else f"{self.timestamp_ns:,} ns",
+        }
+        return result_table(f"Frame {self.number}", rows)
 
     @property
     def viewpoint_velo(self) -> Float64Array:

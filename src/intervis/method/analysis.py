@@ -29,6 +29,7 @@ from intervis.method.measures import Measures, Record, measure
 from intervis.method.mesh import build_mesh, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
 from intervis.method.surface import build_surface
+from intervis.result_table import result_table, share
 from intervis.settings import Settings
 from intervis.transform import checked_pose
 
@@ -123,6 +124,19 @@ class Analysis:
             f"<{type(self).__name__}: {len(self.nodes)} nodes, {len(self.edges)} edges,"
             f" {len(self.triangles)} triangles, TPI {self.measures.TPI:.1f} %>"
         )
+
+    def _repr_html_(self) -> str:
+        """The paper's counts and measures, as a notebook shows them."""
+        rows = {
+            "returns in view": f"{len(self.in_view):,}",
+            "nodes": f"{len(self.nodes):,}",
+            "intervisible nodes": share(int(self.node_intervisible.sum()), len(self.nodes)),
+            "intervisible edges": share(int(self.edge_intervisible.sum()), len(self.edges)),
+            "triangles of the region": share(int(self.region.sum()), len(self.triangles)),
+            **{name: f"{self.measures[name]:.2f} %" for name in ("ARR", "TPI", "DCP")},
+            "time": f"{1e3 * self.times.total:.1f} ms",
+        }
+        return result_table("Intervisibility of one scan", rows)
 
     @cached_property
     def adjacency(self) -> csr_array:

@@ -8,6 +8,7 @@ allows.
 """
 
 import tomllib
+from collections import deque
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -54,6 +55,9 @@ NODE_MARGIN = 1.15
 
 SWITCH_RATIO = 1.6
 """`TauHysteresis` keeps tau while it is within this factor of the best candidate."""
+
+LEARNED_FRAMES = 8
+"""Frames whose times `TauHysteresis` scales the predicted ones by."""
 
 
 def floor_nodes(tpi_tolerance: float) -> int:
@@ -128,8 +132,11 @@ def machine_speed_factor() -> float:
 class TauHysteresis:
     """Granularity for consecutive frames, with hysteresis: tau changes only when it has to.
 
-    A change of tau changes every node. It is made only when the floor would be broken, or when tau
-    is far from the best candidate (`SWITCH_RATIO`).
+    A change of tau changes every node. It is made only when the floor or the budget would be
+    broken, or when tau is far from the best candidate (`SWITCH_RATIO`).
+
+    With a budget, the predicted times are scaled by those of the last frames (`learn`): they follow
+    the machine, and what else runs on it.
 
     Parameters
     ----------
@@ -153,15 +160,39 @@ class TauHysteresis:
             raise SettingsError(f"tau is {settings.tau}: TauHysteresis needs tau='auto'.")
         self.settings = settings
         self.tau: int | None = None
+        self._excess: deque[float] = deque(maxlen=LEARNED_FRAMES)
 
     def choose(self, n_fov: int, *, speed_factor: float | None = None) -> int:
         """The granularity for the next frame."""
         with_margin = max(1, int(n_fov / NODE_MARGIN))
-        best = choose_tau(with_margin, self.settings, speed_factor=speed_factor)
+        best = _coarsest(with_margin, floor_nodes(self.settings.tpi_tolerance))
+        if self.settings.time_budget_ms is not None:
+            factor = machine_speed_factor() if speed_factor is None else speed_factor
+            within = choose_tau(n_fov, self.settings, speed_factor=factor * self._usual_excess())
+            best = min(best, within)
         if self.tau is None or not self._keeps(self.tau, n_fov, best):
             self.tau = best
         return self.tau
 
+    def learn(
+        self, n_fov: int, tau: int, taken_ms: float, *, speed_factor: float | None = None
+    ) -> None:
+        """Note the granularity of a frame, and the time that it took with that."""
+        self.tau = tau
+        if self.settings.time_budget_ms is not None:
+            factor = machine_speed_factor() if speed_factor is None else speed_factor
+            self._excess.append(taken_ms / predicted_ms(n_fov, tau, factor))
+
+    def _usual_excess(self) -> float:
+        """How many times longer than predicted the next frame is expected to take.
+
+        The second-longest of the last frames: one that was held up by chance does not count.
+        """
+        longest = sorted(self._excess, reverse=True)
+        return longest[min(1, len(longest) - 1)] if longest else 1.0
+
     def _keeps(self, tau: int, n_fov: int, best: int) -> bool:
         coarsest = _coarsest(n_fov, floor_nodes(self.settings.tpi_tolerance))
-        return tau <= coarsest and best / SWITCH_RATIO <= tau <= best * SWITCH_RATIO
+        # With a budget, a granularity finer than the best one takes too long.
+        finest = best / SWITCH_RATIO if self.settings.time_budget_ms is None else best
+        return tau <= coarsest and finest <= tau <= best * SWITCH_RATIO

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from intervis.errors import OutputError, SettingsError
 from intervis.files import write_whole
+from intervis.result_table import result_table
 from intervis.run.frame_sight import FrameSight
 from intervis.settings import Settings
 
@@ -70,6 +71,13 @@ class FrameRecord:
     remade: str = ""
     sight: Mapping[str, float] | None = None
 
+    def _repr_html_(self) -> str:
+        """Measures and times, as a notebook shows them."""
+        rows = {"tau": "-" if self.tau is None else str(self.tau)}
+        rows |= {name: f"{value:,.6g}" for name, value in self.measures.items()}
+        rows |= {f"time, {name}": f"{1e3 * value:.1f} ms" for name, value in self.times_s.items()}
+        return result_table(f"Frame {self.number}", rows)
+
     def __repr__(self) -> str:
         parts = [] if self.tau is None else [f"tau {self.tau}"]
         for name, form, unit in (("n", ".0f", ""), ("TPI", ".2f", " %")):
@@ -116,7 +124,47 @@ def frame_fingerprint(
     return digest.hexdigest()
 
 
-def save_frame(
+@dataclass(frozen=True, eq=False)
+class FrameFile:
+    """A frame file that is yet to be written: it holds results, and not the scan.
+
+    Array fields keep their names. ``measures`` and ``times_s`` are vectors; ``measure_names`` and
+    ``time_names`` name their entries. ``settings_toml`` is text. ``number``, ``timestamp_ns``,
+    ``world_from_velo``, ``cam_from_velo``, ``projection`` and ``image_size_px`` come from the
+    frame, if it has them. ``fingerprint`` is that of `frame_fingerprint`.
+
+    Attributes
+    ----------
+    path : Path
+        Where it is written.
+    record : FrameRecord
+        Measures and stage times of the frame.
+    arrays : dict of str to array
+        The content.
+    compress : bool
+        Deflate the arrays.
+    """
+
+    path: Path
+    record: FrameRecord
+    arrays: Arrays
+    compress: bool = False
+
+    def write(self) -> FrameRecord:
+        """Write the file, whole or not at all, and return its record.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        write_whole(
+            self.path, lambda file: _write_archive(file, self.arrays, compress=self.compress)
+        )
+        return self.record
+
+
+def frame_file(
     path: Path,
     frame: "Frame",
     analysis: "Analysis",
@@ -125,19 +173,10 @@ def save_frame(
     sight: FrameSight | None = None,
     compress: bool = False,
     remade: str = "",
-) -> FrameRecord:
-    """Write an analysis, and what is known of its frame except points and image.
+) -> FrameFile:
+    """The file of an analysis, with what is known of its frame except points and image.
 
-    Array fields keep their names. ``measures`` and ``times_s`` are vectors; ``measure_names`` and
-    ``time_names`` name their entries. ``settings_toml`` is text. ``number``, ``timestamp_ns``,
-    ``world_from_velo``, ``cam_from_velo``, ``projection`` and ``image_size_px`` come from the
-    frame, if it has them. ``fingerprint`` is that of `frame_fingerprint`. ``sight_viewpoint``,
-    ``sight_state`` and ``sight_probability`` are the arrays of `sight`, if it is given.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
+    With `sight` it holds ``sight_viewpoint``, ``sight_state`` and ``sight_probability``, too.
     """
     record = dataclasses.replace(
         record_of(frame.number, analysis),
@@ -154,17 +193,20 @@ def save_frame(
     arrays["fingerprint"] = np.array(fingerprint)
     if record.tau is not None:
         arrays["tau"] = np.array(record.tau)
-    write_whole(path, lambda file: _write_archive(file, arrays, compress=compress))
-    return record
+    return FrameFile(path, record, arrays, compress)
 
 
 def _write_archive(file: BinaryIO, arrays: Arrays, *, compress: bool) -> None:
-    # As np.savez or np.savez_compressed, but without pickle, and at the fastest level.
+    # As np.savez or np.savez_compressed, but without pickle, and at the fastest level. In memory
+    # first: writing in hundreds of pieces would wait for the interpreter lock, which the analysis
+    # of the next frame holds, at each.
+    content = io.BytesIO()
     method = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
-    with zipfile.ZipFile(file, "w", method, compresslevel=1) as archive:
+    with zipfile.ZipFile(content, "w", method, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+    file.write(content.getbuffer())
 
 
 def record_of(number: int, analysis: "Analysis") -> FrameRecord:

@@ -14,7 +14,7 @@ from intervis.plots.page import Page, Picture, Remark
 from intervis.plots.tables import Table
 from intervis.progress import Progress, silent
 from intervis.run.frame_file import frame_path, load_analysis
-from intervis.run.tables import measures_table, times_table
+from intervis.run.tables import measures_table, pace_table, times_table
 
 if TYPE_CHECKING:
     from intervis.drives import Drive, Frame
@@ -106,12 +106,13 @@ def report_run(
     number = summary.frames[len(summary.frames) // 2].number
     pictures, missing = _pictures(drive, summary, number, out / "pictures", progress)
     every_frame = measures_table(summary.frames, few=None)
-    times = times_table(summary.content["times_s"], len(summary.frames))
+    times = [times_table(summary.content["times_s"], len(summary.frames))]
+    times += filter(None, [pace_table(summary.content)])
     lead = _lead(summary, number, source_note, missing)
-    page = _page(summary, lead, pictures, [measures_table(summary.frames), times])
+    page = _page(summary, lead, pictures, [measures_table(summary.frames), *times])
     texts = {
         out / "index.html": page.as_html(),
-        out / "measures.md": every_frame.as_markdown() + "\n" + times.as_markdown(),
+        out / "measures.md": "\n".join(table.as_markdown() for table in (every_frame, *times)),
         out / "measures.csv": every_frame.as_csv(),
     }
     for path, text in texts.items():
@@ -204,7 +205,7 @@ def _page(
     if sights:
         parts += ["What a place ahead sees", *sights]
     parts += ["The paper's method", PAPER_REMARK, *whole]
-    parts += ["Measures", tables[0], "Times", tables[1]]
+    parts += ["Measures", tables[0], "Times", *tables[1:]]
     if steps:
         parts += ["Steps of the method", *steps]
     return Page(

@@ -1,7 +1,8 @@
 """Process a drive frame by frame: one result file per frame, constant memory, resumable."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from intervis.errors import DriveError, OutputError, SettingsError
 from intervis.progress import Progress, silent
 from intervis.run.frame_file import FrameRecord
 from intervis.run.frame_sight import SightRequest
+from intervis.run.pace import Pace, budget_kept
 from intervis.run.run_folder import Shard, finish, run_folder
 from intervis.run.stretch import (
     FrameFailure,
@@ -95,7 +97,8 @@ def run_drive(
     A frame that an earlier run wrote from the same input with the same settings is not computed
     again; its scan is read to tell. A file that is damaged, or that was made from something else,
     is made again (`FrameRecord.remade`). A frame that fails is listed, and the run continues with
-    the next one. Stage times exclude compilation: the first frame is analysed once before the timed
+    the next one. While a frame is analysed, the next one is read and the last one written. Stage
+    times exclude compilation: the first frame is analysed once before the timed
     analysis.
 
     Parameters
@@ -157,9 +160,16 @@ def run_drive(
     if shard is not None:
         stretches = stretches[shard[0] - 1 :: shard[1]]
     with run_folder(out, head, settings, shard=shard, overwrite=overwrite):
-        records, failures = _collected(stretches, executor, progress or silent)
-        reasons = [(failure.number, failure.reason) for failure in failures]
-        content = summarize(head, records, reasons, complete=shard is None)
+        pace = Pace(one_by_one=executor is None)
+        records, failures = _collected(stretches, executor, pace, progress or silent)
+        content = summarize(
+            head,
+            records,
+            [(failure.number, failure.reason) for failure in failures],
+            complete=shard is None,
+            rate=pace.as_dict(),
+            budget=budget_kept(records, settings),
+        )
         if shard is None:
             finish(out, content)
     return RunSummary(out, tuple(records), tuple(failures), content)
@@ -179,21 +189,24 @@ def _check_shard(shard: Shard | None, *, overwrite: bool) -> None:
 
 
 def _collected(
-    stretches: Sequence[Stretch], executor: Executor | None, progress: Progress
+    stretches: Sequence[Stretch], executor: Executor | None, pace: Pace, progress: Progress
 ) -> tuple[list[FrameRecord], list[FrameFailure]]:
     """The outcomes of stretches, ordered by frame number."""
     records: list[FrameRecord] = []
     failures: list[FrameFailure] = []
-    for outcome in _outcomes(stretches, executor):
-        if isinstance(outcome, FrameRecord):
-            records.append(outcome)
-        else:
-            failures.append(outcome)
-        progress(f"frame {outcome.number}")
+    # Closed before the folder is unlocked: a file that is being written is completed.
+    with closing(_outcomes(stretches, executor)) as found:
+        for outcome in found:
+            pace.note(outcome)
+            if isinstance(outcome, FrameRecord):
+                records.append(outcome)
+            else:
+                failures.append(outcome)
+            progress(f"frame {outcome.number}")
     return sorted(records, key=lambda r: r.number), sorted(failures, key=lambda f: f.number)
 
 
-def _outcomes(stretches: Sequence[Stretch], executor: Executor | None) -> Iterator[Outcome]:
+def _outcomes(stretches: Sequence[Stretch], executor: Executor | None) -> Generator[Outcome]:
     if executor is None:
         for whole in stretches[:1]:  # joined, so that the first frame alone is analysed twice
             numbers = [number for stretch in stretches for number in stretch.numbers]

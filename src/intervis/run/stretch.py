@@ -1,22 +1,31 @@
-"""A stretch of a run: frames that one worker analyses in order, and writes."""
+"""A stretch of a run: frames that one worker analyses in order, and writes.
+
+While a frame is analysed, one thread reads the next one and another writes the file of the last
+one. Kernels, file system and digests release the interpreter lock; kernels spread over plain
+threads, so any thread may call them (`intervis.kernels`). Two scans are held at a time. With one
+thread, as in a worker of many, all is done in turn.
+"""
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from intervis.errors import IntervisError, MissingExtraError, OutputError, SettingsError
+from intervis.kernels import thread_count
 from intervis.method.analysis import Analysis, analyze
 from intervis.method.granularity import TauHysteresis
 from intervis.run.frame_file import (
+    FrameFile,
     FrameRecord,
+    frame_file,
     frame_fingerprint,
     frame_path,
     load_record,
-    save_frame,
 )
 from intervis.run.frame_sight import FrameSight, SightRequest, sight_of_scan
 from intervis.run.viewpoint import MetaViewpoint
@@ -93,6 +102,8 @@ def outcomes(stretch: Stretch) -> Iterator[Outcome]:
     """Analyse the frames of a stretch, write their files, and yield what became of each.
 
     A frame whose file was written from the same input with the same settings is not computed again.
+    An outcome is yielded when its file is written. Where the iteration ends early, a file that is
+    being written is completed.
 
     Raises
     ------
@@ -101,39 +112,25 @@ def outcomes(stretch: Stretch) -> Iterator[Outcome]:
     OutputError
         A file cannot be written.
     """
-    granularity = TauHysteresis(stretch.settings) if chooses_tau(stretch.settings) else None
-    compiled = False
-    for number in stretch.numbers:
-        path = frame_path(stretch.out, number)
-        try:
-            frame = stretch.drive[number]
-            fingerprint = _fingerprint(frame, stretch)
-            record, reason = _record_of_earlier_run(path, fingerprint)
-            if record is None:
-                if not compiled:  # compile the kernels that these frames need before timing
-                    _analyze(frame, stretch, granularity)
-                    compiled = True
-                analysis = _analyze(frame, stretch, granularity)
-                sight = _sight(frame, stretch, analysis)
-        except (SettingsError, MissingExtraError):
-            raise
-        except IntervisError as error:
-            yield FrameFailure(number, str(error))
-        except Exception as error:
-            log.debug("frame %d failed", number, exc_info=True)
-            yield FrameFailure(number, f"unexpected {type(error).__name__}: {error}")
-        else:
-            if record is None:
-                yield save_frame(
-                    *(path, frame, analysis, fingerprint),
-                    sight=sight,
-                    compress=stretch.compress,
-                    remade=reason,
-                )
-                continue
-            if granularity is not None:  # a resumed run chooses tau as an uninterrupted one
-                granularity.tau = record.tau
-            yield record
+    files = ThreadPoolExecutor(2, "intervis-files") if thread_count() > 1 else _InTurn()
+    behind: Future[FrameRecord] | None = None
+    try:
+        ahead, analyst = _Ahead(stretch, files), _Analyst(stretch)
+        for number in stretch.numbers:
+            outcome = analyst.outcome(number, ahead)
+            if behind is not None:
+                yield behind.result()
+                behind = None
+            if isinstance(outcome, FrameFile):
+                behind = files.submit(outcome.write)
+            else:
+                yield outcome
+        if behind is not None:
+            yield behind.result()
+    finally:
+        if behind is not None:
+            wait([behind])
+        files.shutdown(wait=True, cancel_futures=True)  # also while a frame is read
 
 
 def process(stretch: Stretch) -> list[Outcome]:
@@ -141,15 +138,114 @@ def process(stretch: Stretch) -> list[Outcome]:
     return list(outcomes(stretch))
 
 
-def _analyze(frame: "Frame", stretch: Stretch, granularity: TauHysteresis | None) -> Analysis:
-    return analyze(
-        frame.points,
-        camera=frame.camera,
-        cam_from_velo=frame.cam_from_velo,
-        viewpoint=stretch.viewpoint.in_frame(frame),
-        settings=stretch.settings,
-        tau_for=granularity.choose if granularity is not None else None,
-    )
+@dataclass(frozen=True, eq=False)
+class _ReadFrame:
+    """A frame, the digest of its input, and the record of an earlier run or why there is none."""
+
+    frame: "Frame"
+    fingerprint: str
+    earlier: FrameRecord | None
+    remade: str
+
+
+class _InTurn(Executor):
+    """Does what is submitted at once."""
+
+    def submit(self, work: Callable[..., Any], /, *arguments: Any, **options: Any) -> "Future[Any]":
+        """Do it; an error is that of the result."""
+        done: Future[Any] = Future()
+        try:
+            done.set_result(work(*arguments, **options))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+
+class _Ahead:
+    """The frames of a stretch, read by another thread, one ahead of the one that is taken."""
+
+    def __init__(self, stretch: Stretch, files: Executor) -> None:
+        self._stretch, self._files = stretch, files
+        self._numbers = iter(stretch.numbers)
+        self._next: Future[_ReadFrame] | None = self._started()
+
+    def take(self) -> _ReadFrame:
+        """The next frame, or the error that reading it raised."""
+        taken = self._next
+        assert taken is not None, "more frames are taken than there are"
+        wait([taken])
+        self._next = self._started()
+        return taken.result()
+
+    def _started(self) -> "Future[_ReadFrame] | None":
+        number = next(self._numbers, None)
+        return None if number is None else self._files.submit(_read, self._stretch, number)
+
+
+def _read(stretch: Stretch, number: int) -> _ReadFrame:
+    """Read a frame, and what an earlier run left of it."""
+    frame = stretch.drive[number]
+    fingerprint = _fingerprint(frame, stretch)
+    path = frame_path(stretch.out, number)
+    return _ReadFrame(frame, fingerprint, *_record_of_earlier_run(path, fingerprint))
+
+
+class _Analyst:
+    """Analyses the frames of a stretch in order: tau of a frame may depend on those before."""
+
+    def __init__(self, stretch: Stretch) -> None:
+        self._stretch = stretch
+        self._granularity = (
+            TauHysteresis(stretch.settings) if chooses_tau(stretch.settings) else None
+        )
+        self._compiled = False
+
+    def outcome(self, number: int, ahead: _Ahead) -> Outcome | FrameFile:
+        """Take a frame and analyse it, unless an earlier run has: the file is yet to be written."""
+        try:
+            read = ahead.take()
+            if read.earlier is not None:
+                self._learn(read.earlier)
+                return read.earlier
+            if not self._compiled:  # compile the kernels that these frames need before timing
+                self._analyze(read.frame)
+                self._compiled = True
+            analysis = self._analyze(read.frame)
+            file = frame_file(
+                frame_path(self._stretch.out, number),
+                read.frame,
+                analysis,
+                read.fingerprint,
+                sight=_sight(read.frame, self._stretch, analysis),
+                compress=self._stretch.compress,
+                remade=read.remade,
+            )
+        except (SettingsError, MissingExtraError):
+            raise
+        except IntervisError as error:
+            return FrameFailure(number, str(error))
+        except Exception as error:
+            log.debug("frame %d failed", number, exc_info=True)
+            return FrameFailure(number, f"unexpected {type(error).__name__}: {error}")
+        self._learn(file.record)
+        return file
+
+    def _analyze(self, frame: "Frame") -> Analysis:
+        return analyze(
+            frame.points,
+            camera=frame.camera,
+            cam_from_velo=frame.cam_from_velo,
+            viewpoint=self._stretch.viewpoint.in_frame(frame),
+            settings=self._stretch.settings,
+            tau_for=self._granularity.choose if self._granularity is not None else None,
+        )
+
+    def _learn(self, record: FrameRecord) -> None:
+        """Note tau and time of a frame: a resumed run chooses tau as an uninterrupted one."""
+        if self._granularity is not None and record.tau is not None:
+            self._granularity.learn(
+                int(record.measures["n_fov"]), record.tau, 1e3 * record.times_s["total"]
+            )
 
 
 def _sight(frame: "Frame", stretch: Stretch, analysis: Analysis) -> FrameSight | None:

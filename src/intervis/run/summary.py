@@ -74,6 +74,8 @@ def summarize(
     failures: Sequence[tuple[int, str]],
     *,
     complete: bool = True,
+    rate: Content | None = None,
+    budget: Content | None = None,
 ) -> Content:
     """Content of ``summary.json``.
 
@@ -87,6 +89,8 @@ def summarize(
         The frames without a result.
     complete : bool
         False while the run is in progress.
+    rate, budget : mapping or None
+        From `intervis.run.pace`.
     """
     return {
         **head,
@@ -94,8 +98,11 @@ def summarize(
         "machine": machine(),
         "complete": complete,
         "timing": "seconds; without compilation (the first frame is analysed once before the timed"
-        " analysis) and without reading or writing files",
-        "times_s": {name: _spread(values) for name, values in _columns(records, "times_s")},
+        " analysis) and without reading or writing files, which other threads do meanwhile; rate:"
+        " with reading and writing",
+        "times_s": {name: spread(values) for name, values in _columns(records, "times_s")},
+        "rate": rate,
+        "budget": budget,
         "measures": {name: _statistics(values) for name, values in _columns(records, "measures")},
         "frames": [
             {
@@ -159,7 +166,7 @@ def _columns(records: Sequence[FrameRecord], kind: str) -> list[tuple[str, list[
     return [(name, [getattr(record, kind)[name] for record in records]) for name in names]
 
 
-def _spread(values: Sequence[float]) -> Content:
+def spread(values: Sequence[float]) -> Content:
     """Median, 99th percentile, mean and sample standard deviation, and the extremes."""
     return {
         "p50": _json_number(np.percentile(values, 50)),

@@ -51,6 +51,11 @@ NOTE_TIMES = (
     " reading and writing files."
 )
 
+NOTE_RATE = (
+    "Frames computed by this run, reading and writing included: while a frame is analysed, the next"
+    " one is read and the last one written."
+)
+
 
 def measures_table(records: Sequence[FrameRecord], *, few: int | None = FEW_FRAMES) -> Table:
     """The paper's measures, one row per frame, or statistics over many frames.
@@ -110,3 +115,43 @@ def times_table(times_s: Mapping[str, Mapping[str, float | None]], frames: int) 
     headings = ("stage", "p50 ms", "p99 ms", "mean ms", "sample std ms")
     title = f"Time of each stage, {frames} frame{'s' if frames != 1 else ''}"
     return Table(title, headings, tuple(rows), (NOTE_TIMES,))
+
+
+def pace_table(content: Mapping[str, Any]) -> Table | None:
+    """How fast frames came, and whether they kept the budget, from the content of a summary.
+
+    None where there is nothing to tell: few frames were computed, and no budget was given.
+    """
+    rate, budget = content.get("rate"), content.get("budget")
+    rows = []
+    if rate is not None:
+        rows.append(("frames a second", f"{rate['frames_per_s']:.1f}"))
+        interval_s = rate["interval_s"] or {}
+        rows += [
+            (f"ms from frame to frame, {key}", f"{1e3 * interval_s[key]:.1f}")
+            for key in ("p50", "p99", "max")
+            if key in interval_s
+        ]
+    if budget is not None:
+        rows.append(("budget ms", f"{budget['budget_ms']:g}"))
+        rows.append(("frames that took longer", f"{budget['missed']} of {budget['frames']}"))
+    if not rows:
+        return None
+    notes = [NOTE_RATE] if rate is not None else []
+    if budget is not None:
+        notes.append(_missed_note(content, budget))
+    return Table("Pace", ("quantity", "value"), tuple(rows), tuple(notes))
+
+
+def _missed_note(content: Mapping[str, Any], budget: Mapping[str, Any]) -> str:
+    """Which frames took longer than the budget."""
+    if not budget["missed"]:
+        return "Every frame kept the budget (total: raw scan to region)."
+    frames = {frame["number"]: frame for frame in content["frames"]}
+    shown = [
+        f"{number} ({1e3 * frames[number]['times_s']['total']:.1f} ms, tau {frames[number]['tau']})"
+        for number in budget["missed_frames"][:FEW_FRAMES]
+    ]
+    more = budget["missed"] - len(shown)
+    rest = f", and {more} more, which summary.json lists" if more else ""
+    return f"Longer than the budget (total: raw scan to region): {', '.join(shown)}{rest}."

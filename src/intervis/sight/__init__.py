@@ -1,10 +1,12 @@
 """Line of sight through observed space.
 
 `Scene` holds posed scans and answers sight lines with visible, occluded or unknown.
-`intervis.sight.occupancy_model` defines the three answers.
+`intervis.sight.occupancy_model` defines the three answers. `visible_mask` is a depth buffer: fast,
+rough, and without "unknown".
 """
 
 from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE
+from intervis.sight.depth_buffer import visible_mask
 from intervis.sight.explanation import Explanation, explain
 from intervis.sight.scene import Scene
 from intervis.sight.sensor import (
@@ -37,4 +39,5 @@ __all__ = [
     "explain",
     "sensor_named",
     "sensor_of_scan",
+    "visible_mask",
 ]

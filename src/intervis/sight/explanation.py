@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arrays import Float64Array, checked_point
+from intervis.result_table import metres, result_table
 from intervis.sight.answers import OCCLUDED, VISIBLE
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.scene import Scene
@@ -49,6 +50,20 @@ class Explanation:
 
     def __str__(self) -> str:
         return self.text
+
+    def _repr_html_(self) -> str:
+        """The sentences and the numbers, as a notebook shows them."""
+        occluded = self.state == OCCLUDED
+        known = not math.isnan(self.probability)
+        rows = {
+            "P(visible)": _percent(self.probability) if known else "-",
+            "length": metres(self.length_m),
+            "blocker": _place(self.blocker) if np.isfinite(self.blocker).all() else "-",
+            "blocker from the viewpoint": metres(self.blocker_m),
+            "shift that clears it" if occluded else "clearance": metres(abs(self.clearance_m)),
+            "unobserved": metres(self.unobserved_m),
+        }
+        return result_table(self.text, rows)
 
 
 def explain(

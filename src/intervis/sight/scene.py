@@ -18,6 +18,7 @@ from intervis.arrays import (
     finite_rows,
 )
 from intervis.errors import PointsError, SceneError, SettingsError
+from intervis.result_table import metres, result_table
 from intervis.sight.answers import answer_lines, sum_lines
 from intervis.sight.box_sight import BoxSight, box_sight
 from intervis.sight.box_surface import facing_surfaces
@@ -109,6 +110,19 @@ class Scene:
     def __repr__(self) -> str:
         scans = len(self)
         return f"<Scene: {scans} scan{'' if scans == 1 else 's'}, {self.bytes / 1e6:.1f} MB>"
+
+    def _repr_html_(self) -> str:
+        """How many scans over which time and way, as a notebook shows it."""
+        times_s, places = self.timestamps_s, self.poses[:, :3, 3]
+        timed = len(times_s) and np.isfinite(times_s).all()
+        way_m = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+        rows = {
+            "scans": f"{len(self):,}",
+            "memory": f"{self.bytes / 1e6:.1f} MB",
+            "time from first to last": f"{np.ptp(times_s):.1f} s" if timed else "-",
+            "way from scan to scan": metres(way_m),
+        }
+        return result_table("Scene", rows)
 
     @property
     def bytes(self) -> int:

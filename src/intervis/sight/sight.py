@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arrays import BoolArray, Float64Array
+from intervis.result_table import result_table, share
 from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE
 
 
@@ -95,6 +96,12 @@ class Sight:
         if self.state.ndim == 0:
             raise TypeError("this Sight is the answer of one line: it has no length or order.")
         return self.state
+
+    def _repr_html_(self) -> str:
+        """The counts of the states, as a notebook shows them."""
+        masks = {"visible": self.visible, "occluded": self.occluded, "unknown": self.unknown}
+        counts = {name: share(int(mask.sum()), self.state.size) for name, mask in masks.items()}
+        return result_table(f"{self.state.size:,} sight lines", counts)
 
     def __repr__(self) -> str:
         counts = (("visible", self.visible), ("occluded", self.occluded), ("unknown", self.unknown))

@@ -1,23 +1,20 @@
-"""What a page stores of one frame: the judged frame, its camera and its image."""
+"""What a page stores of one judged frame: a header as JSON, columns, the reduced image."""
 
-import io
-import logging
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from intervis.arrays import Float64Array
-from intervis.drives import Drive, Frame
-from intervis.errors import DriveError, MissingExtraError
+from intervis.camera import Camera
 from intervis.method.field_of_view import image_from_velo
-from intervis.view.frame_judge import FrameJudge
-from intervis.view.view_request import ViewRequest, viewpoint_in_frame
-
-log = logging.getLogger(__name__)
-
-IMAGE_WIDTH_PX = 828
-JPEG_QUALITY = 70
+from intervis.sight import Scene
+from intervis.sight.observed_profile import unobserved_parts
+from intervis.view.columns import packed
+from intervis.view.frame_layers import box_content, cell_columns, mesh_columns, spot_content
+from intervis.view.judged_frame import JudgedFrame, SightLine
+from intervis.view.reduced_image import reduced_camera
+from intervis.view.verdicts import BY_DIFFERENCE, PARTS, returns_with_parts, verdict_columns
 
 FRUSTUM_M = 6.0
 """Length of the camera's frustum as drawn."""
@@ -30,7 +27,7 @@ class FrameData:
     Attributes
     ----------
     header : dict
-        Plain JSON: see `FrameJudge.content`; and the camera.
+        Plain JSON: see `frame_content`; and the camera.
     block : bytes
         Columns.
     jpeg : bytes or None
@@ -42,70 +39,93 @@ class FrameData:
     jpeg: bytes | None
 
 
-def frame_data(
-    drive: Drive, number: int, request: ViewRequest, fixed_world: Float64Array | None = None
-) -> FrameData:
-    """Everything that a page stores of one frame.
+def frame_data(judged: JudgedFrame) -> FrameData:
+    """Everything that a page stores of one frame."""
+    header, block = frame_content(judged)
+    jpeg = None if judged.image is None else judged.image.jpeg
+    return FrameData({**header, "camera": _camera(judged)}, block, jpeg)
 
-    Parameters
-    ----------
-    drive : Drive
-    number : int
-    request : ViewRequest
-    fixed_world : (3,) float64 array or None
-        A viewpoint in world coordinates instead of that of the request.
 
-    Raises
-    ------
-    DriveError
-        The frame cannot be read, has no camera or no pose where the request needs one.
+def frame_content(judged: JudgedFrame) -> tuple[dict[str, Any], bytes]:
+    """A frame as seen from a viewpoint, without camera and image.
+
+    Returns
+    -------
+    header : dict
+        Plain JSON: number, viewpoint, counts, lines, boxes, blind spots.
+    block : bytes
+        Columns: see `intervis.view.columns` and `verdict_columns`.
     """
-    judge = FrameJudge(drive, number, request)
-    frame = judge.frame
-    header, block = judge.content(viewpoint_in_frame(frame, request.viewpoint, fixed_world))
-    jpeg, size_px = _reduced_image(frame)
-    return FrameData({**header, "camera": _camera(frame, size_px)}, block, jpeg)
+    sight = judged.sight
+    columns = verdict_columns(returns_with_parts(judged))
+    header: dict[str, Any] = {
+        "number": judged.frame.number,
+        "viewpoint": judged.viewpoint.tolist(),
+        "returns": len(judged.frame.points),
+        "stored": len(judged.rows),
+        "memory": judged.remembered,
+        "ground_m": _number(round(judged.ground_m, 2)),
+        "visible": int(sight.visible.sum()),
+        "occluded": int(sight.occluded.sum()),
+        "unknown": int(sight.unknown.sum()),
+        "lines": [line_content(line, judged.scene, judged.moment_s) for line in judged.lines],
+        "boxes": [box_content(one) for one in judged.objects],
+    }
+    if judged.grid is not None:
+        columns |= cell_columns(judged.grid)
+        spots = [spot_content(spot) for spot in judged.spots]
+        header |= {"cell_m": judged.grid.cell_m, "spots": spots}
+    if judged.analysis is not None:
+        columns |= mesh_columns(judged.analysis)
+        header["TPI"] = round(judged.analysis.measures.TPI, 2)
+    return header, packed(columns, BY_DIFFERENCE)
 
 
-def _reduced_image(frame: Frame) -> tuple[bytes | None, tuple[int, int] | None]:
-    """The image as JPEG of at most `IMAGE_WIDTH_PX`, and its size; None without an image."""
-    if frame.image_path is None or frame.camera is None:
-        return None, None
-    try:
-        image = frame.image
-    except (DriveError, MissingExtraError) as error:
-        log.warning("frame %d is shown without its image: %s", frame.number, error)
-        return None, None
-    assert image is not None
-    from PIL import Image
-
-    picture = Image.fromarray(image)
-    scale = min(1.0, IMAGE_WIDTH_PX / picture.width)
-    if scale < 1.0:
-        size_px = (IMAGE_WIDTH_PX, max(1, round(picture.height * scale)))
-        picture = picture.resize(size_px, Image.Resampling.BILINEAR, reducing_gap=2.0)
-    buffer = io.BytesIO()
-    picture.save(buffer, "JPEG", quality=JPEG_QUALITY)
-    return buffer.getvalue(), picture.size
+def line_content(line: SightLine, scene: Scene, moment_s: float | None) -> dict[str, Any]:
+    """One explained line as JSON, with the observed and unobserved parts of the line."""
+    said, scans = line.explanation, scene.packed_scans(moment_s)
+    parts_m = unobserved_parts(scans, line.start[None], line.end[None], PARTS)[0]
+    return {
+        "text": said.text,
+        "state": said.state,
+        "probability": _number(said.probability),
+        "length_m": said.length_m,
+        "blocker": [_number(value) for value in said.blocker],
+        "blocker_m": _number(said.blocker_m),
+        "clearance_m": _number(said.clearance_m),
+        "unobserved_m": said.unobserved_m,
+        "parts_m": parts_m.round(3).tolist(),
+        "start": line.start.tolist(),
+        "end": line.end.tolist(),
+    }
 
 
-def _camera(frame: Frame, size_px: tuple[int, int] | None) -> dict[str, Any] | None:
+def _camera(judged: JudgedFrame) -> dict[str, Any] | None:
     """Projection into the reduced image, and the frustum; None without a camera."""
-    camera, cam_from_velo = frame.camera, frame.cam_from_velo
+    frame, camera, cam_from_velo = judged.frame, judged.frame.camera, judged.frame.cam_from_velo
     if camera is None or cam_from_velo is None:
         return None
-    width_px, height_px = size_px or (camera.width_px, camera.height_px)
-    matrix = image_from_velo(camera, cam_from_velo)
-    scaled = np.diag([width_px / camera.width_px, height_px / camera.height_px, 1.0]) @ matrix
-    w, h = float(camera.width_px), float(camera.height_px)
-    pixels = np.array([[0.0, 0.0, 1.0], [w, 0.0, 1.0], [w, h, 1.0], [0.0, h, 1.0]])
-    rays = np.linalg.solve(matrix[:, :3], FRUSTUM_M * pixels.T - matrix[:, 3:]).T
+    reduced = reduced_camera(camera, judged.image)
     return {
         "name": camera.name,
-        "width_px": width_px,
-        "height_px": height_px,
-        "has_image": size_px is not None,
-        "image_from_velo": scaled.tolist(),
+        "width_px": reduced.width_px,
+        "height_px": reduced.height_px,
+        "has_image": judged.image is not None,
+        "image_from_velo": image_from_velo(reduced, cam_from_velo).tolist(),
         "centre": frame.viewpoint_velo.round(3).tolist(),
-        "frustum": rays.round(3).tolist(),
+        "frustum": frustum_corners(camera, cam_from_velo).round(3).tolist(),
     }
+
+
+def frustum_corners(camera: Camera, cam_from_velo: Float64Array) -> Float64Array:
+    """(4, 3) the corners of the image at a depth of `FRUSTUM_M`, sensor frame, metres."""
+    matrix = image_from_velo(camera, cam_from_velo)
+    w, h = float(camera.width_px), float(camera.height_px)
+    pixels = np.array([[0.0, 0.0, 1.0], [w, 0.0, 1.0], [w, h, 1.0], [0.0, h, 1.0]])
+    corners = np.linalg.solve(matrix[:, :3], FRUSTUM_M * pixels.T - matrix[:, 3:]).T
+    return np.asarray(corners)
+
+
+def _number(value: float) -> float | None:
+    """The number, or None where it is not finite, as JSON has no other word for that."""
+    return float(value) if np.isfinite(value) else None

@@ -7,6 +7,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.drives import Frame
+from intervis.drives.boxes import Box
 from intervis.errors import IntervisError
 from intervis.method.analysis import Analysis, analyze
 from intervis.sight import OCCLUDED
@@ -14,7 +15,7 @@ from intervis.uses.blind_spots import BlindSpot
 from intervis.uses.objects import ObjectSight
 from intervis.uses.visibility_grid import VisibilityGrid, blind_cells
 from intervis.view.columns import Columns
-from intervis.view.verdicts import PER_M
+from intervis.view.judged_frame import PER_M
 
 log = logging.getLogger(__name__)
 
@@ -24,9 +25,13 @@ CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in
 
 def box_content(one: ObjectSight) -> dict[str, Any]:
     """A labelled object as JSON, with the corners of its box."""
-    corners = CORNERS * one.box.size_m @ one.box.velo_from_box[:3, :3].T
-    corners += one.box.velo_from_box[:3, 3]
-    return {**one.to_json(), "corners": corners.round(2).tolist()}
+    return {**one.to_json(), "corners": box_corners(one.box).round(2).tolist()}
+
+
+def box_corners(box: Box) -> Float64Array:
+    """(8, 3) corners of a box in the order of `CORNERS`, sensor frame, metres."""
+    corners = CORNERS * box.size_m @ box.velo_from_box[:3, :3].T
+    return np.asarray(corners + box.velo_from_box[:3, 3])
 
 
 def spot_content(spot: BlindSpot) -> dict[str, Any]:

@@ -3,27 +3,22 @@
 import base64
 import html
 import json
-import logging
 import re
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import intervis
-from intervis.arrays import Float64Array
 from intervis.drives import Drive
-from intervis.errors import OutputError, ScanError
-from intervis.files import check_replaceable, write_whole
-from intervis.kernels import thread_count
-from intervis.plots.style import FAINT, INK, INTERVISIBLE, NODE, REGION
-from intervis.progress import Progress, silent
+from intervis.files import write_whole
+from intervis.progress import Progress
 from intervis.sight.occupancy_model import DEFAULT_RISK
+from intervis.view.colours import COLOURS, ON_IMAGE, VIRIDIS
 from intervis.view.frame_data import FrameData, frame_data
-from intervis.view.view_request import ViewRequest, fixed_place_world
-
-log = logging.getLogger(__name__)
+from intervis.view.frame_stream import FrameSink, judge_frames
+from intervis.view.judged_frame import JudgedFrame
+from intervis.view.own_file import check_own_file
+from intervis.view.view_request import ViewRequest
 
 MODULES = (
     *("numbers", "blocks", "verdicts", "matrices", "orbit", "renderer", "palette", "layers"),
@@ -37,42 +32,23 @@ EXPORT = re.compile(r"^export ", re.MULTILINE)
 CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 """Control characters, and those that change the direction of text."""
 
-MOST_THREADS = 4
-"""Frames that are judged at a time: each takes some 100 MB."""
-
 GENERATOR = b'<meta name="generator" content="intervis view">'
 """In the head of each page: such files may be replaced."""
 
-VIRIDIS = (
-    *("#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c"),
-    *("#28ae80", "#5ec962", "#addc30", "#fde725"),
-)
 
-COLOURS: dict[str, dict[str, Any]] = {
-    "light": {
-        "visible": INTERVISIBLE,
-        "occluded": NODE,
-        "unknown": FAINT,
-        "region": REGION,
-        "ink": INK,
-        "line": "#59616b",
-        "faint": "#8a9099",
-        "background": "#ffffff",
-    },
-    "dark": {
-        "visible": "#3fa7cc",
-        "occluded": "#f0587a",
-        "unknown": "#6b737e",
-        "region": REGION,
-        "ink": "#e6e9ed",
-        "line": "#c6cad1",
-        "faint": "#7d858f",
-        "background": "#14171b",
-    },
-}
-"""The colours of `intervis.plots.style`, and lighter ones of the same hues on a dark ground."""
+class PageFrames:
+    """Takes judged frames, and keeps what a page stores of them, in order."""
 
-ON_IMAGE = {"visible": "#3fa7cc", "occluded": "#ff4f7b", "unknown": "#e6e9ed"}
+    def __init__(self) -> None:
+        self.frames: list[FrameData] = []
+
+    def prepare(self, judged: JudgedFrame) -> FrameData:
+        """What the page stores of a frame."""
+        return frame_data(judged)
+
+    def add(self, prepared: FrameData) -> None:
+        """Keep it."""
+        self.frames.append(prepared)
 
 
 def page_html(
@@ -81,6 +57,8 @@ def page_html(
     request: ViewRequest | None = None,
     *,
     is_served: bool = False,
+    is_live: bool = False,
+    also: Sequence[FrameSink] = (),
     progress: Progress | None = None,
 ) -> bytes:
     """Judge frames of a drive, and put them into a page.
@@ -93,6 +71,10 @@ def page_html(
     request : ViewRequest, optional
     is_served : bool
         Whether `intervis.view.server` will answer the page's questions.
+    is_live : bool
+        Whether the widget around the page will answer them.
+    also : sequence of FrameSink
+        What else takes the judged frames: recordings.
     progress : callable, optional
         Called after each frame.
 
@@ -107,18 +89,50 @@ def page_html(
         A frame lacks the camera or the pose that the request needs, or no scan can be read. Single
         scans that cannot be read are left out, with a warning.
     """
-    request, report = request or ViewRequest(), progress or silent
-    fixed_world = None
-    if request.is_fixed:
-        fixed_world = fixed_place_world(drive[numbers[0]], request.viewpoint)
-    frames = _frames(drive, numbers, request, fixed_world, report)
+    request = request or ViewRequest()
+    page = PageFrames()
+    judge_frames(drive, numbers, request, [page, *also], progress)
+    lead = _lead(len(drive.frame_numbers), page.frames, request)
+    return page_of_frames(
+        drive.name, lead, page.frames, request, is_served=is_served, is_live=is_live
+    )
+
+
+def page_of_frames(
+    name: str,
+    lead: str,
+    frames: Sequence[FrameData],
+    request: ViewRequest,
+    *,
+    is_served: bool = False,
+    is_live: bool = False,
+    has_command: bool = True,
+) -> bytes:
+    """Put frames into a page.
+
+    Parameters
+    ----------
+    name : str
+        Of the drive: the title.
+    lead : str
+        What is shown.
+    frames : sequence of FrameData
+    request : ViewRequest
+    is_served : bool
+        Whether `intervis.view.server` will answer the page's questions.
+    is_live : bool
+        Whether the widget around the page will answer them.
+    has_command : bool
+        Whether ``intervis sight NAME`` gives the explanations of the page.
+    """
     named_viewpoint = request.viewpoint if isinstance(request.viewpoint, str) else None
     content = {
-        "drive": shown(drive.name),
+        "drive": shown(name),
+        "has_command": has_command,
         "risk": request.risk,
         "default_risk": DEFAULT_RISK,
         "viewpoint": None if request.is_fixed else named_viewpoint,
-        "is_served": is_served,
+        "is_served": is_served or is_live,
         "colours": {
             theme: {**colours, "sequential": VIRIDIS, "onImage": ON_IMAGE}
             for theme, colours in COLOURS.items()
@@ -126,8 +140,8 @@ def page_html(
         "frames": [frame.header for frame in frames],
     }
     parts = {
-        "TITLE": html.escape(shown(drive.name)),
-        "LEAD": html.escape(_lead(drive, frames, request)),
+        "TITLE": html.escape(shown(name)),
+        "LEAD": html.escape(lead),
         "NOTES": html.escape(_notes()),
         "CONNECT": "'self'" if is_served else "'none'",
         "STYLE": _page_file("page.css"),
@@ -138,34 +152,6 @@ def page_html(
     template = _page_file("page.html")
     text = re.sub(r"\{\{([A-Z]+)\}\}", lambda match: parts[match[1]], template)
     return text.encode("utf-8", errors="backslashreplace")
-
-
-def _frames(
-    drive: Drive,
-    numbers: Sequence[int],
-    request: ViewRequest,
-    fixed_world: Float64Array | None,
-    report: Progress,
-) -> list[FrameData]:
-    """The data of all frames, a few at a time: reading and packing leave cores idle."""
-    with ThreadPoolExecutor(min(thread_count(), MOST_THREADS)) as pool:
-        begun = [pool.submit(frame_data, drive, number, request, fixed_world) for number in numbers]
-        try:
-            frames: list[FrameData] = []
-            unreadable: ScanError | None = None
-            for number, one in zip(numbers, begun, strict=True):
-                try:
-                    frames.append(one.result())
-                except ScanError as error:
-                    log.warning("frame %d is left out: %s", number, error)
-                    unreadable = unreadable or error
-                report(f"frame {number}")
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    if unreadable is not None and not frames:
-        raise unreadable
-    return frames
 
 
 def save_page(path: Path, content: bytes) -> None:
@@ -181,25 +167,8 @@ def save_page(path: Path, content: bytes) -> None:
 
 
 def check_page(path: Path) -> None:
-    """Check before the work that a page can be written to a path.
-
-    Raises
-    ------
-    OutputError
-        Another file stands there, or no regular file.
-    """
-    target = check_replaceable(path)
-    if not target.exists():
-        return
-    try:
-        with open(target, "rb") as file:
-            head = file.read(2048)
-    except OSError as error:
-        raise OutputError(f"cannot read {path}: {error.strerror}.") from None
-    if head and GENERATOR not in head:
-        raise OutputError(
-            f"{path} was not written by 'intervis view' and was not changed: choose another file."
-        )
+    """Check before the work that a page can be written to a path: see `check_own_file`."""
+    check_own_file(path, GENERATOR)
 
 
 def script() -> str:
@@ -235,8 +204,8 @@ def _blocks(frames: Sequence[FrameData]) -> list[str]:
     return made
 
 
-def _lead(drive: Drive, frames: Sequence[FrameData], request: ViewRequest) -> str:
-    """What is shown, in two sentences."""
+def _lead(total: int, frames: Sequence[FrameData], request: ViewRequest) -> str:
+    """What is shown, in two sentences; `total` frames has the drive."""
     place = request.viewpoint
     where = (
         f"the {place}"
@@ -245,7 +214,6 @@ def _lead(drive: Drive, frames: Sequence[FrameData], request: ViewRequest) -> st
     )
     if request.is_fixed:
         where += f" of frame {frames[0].header['number']}, fixed in the world"
-    total = len(drive.frame_numbers)
     some = f"{len(frames)} of {total:,}" if len(frames) < total else f"{total:,}"
     scans = max(len(frame.header["memory"]) for frame in frames) + 1
     used = "one scan" if scans == 1 else f"up to {scans} scans"

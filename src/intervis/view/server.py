@@ -6,22 +6,18 @@ a viewpoint. Requests that other web sites make a browser send are refused: the 
 must be this server, and so must the Origin, if there is one.
 """
 
-import base64
 import json
 import logging
-from collections import OrderedDict
 from collections.abc import Collection
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import BoundedSemaphore, Lock
+from threading import BoundedSemaphore
 from typing import Any, ClassVar
 
-import numpy as np
-
-from intervis.arrays import Float64Array
 from intervis.drives import Drive
-from intervis.errors import IntervisError, OutputError, PointsError
-from intervis.view.frame_judge import FrameJudge
+from intervis.errors import IntervisError, OutputError
+from intervis.view.frame_judge import frame_judge
+from intervis.view.page_engine import PageEngine
 from intervis.view.view_request import ViewRequest
 
 log = logging.getLogger(__name__)
@@ -34,10 +30,6 @@ LONGEST_NUMBER = 5
 HIGHEST_PORT = 65535
 MOST_CONNECTIONS = 16
 """Connections that are answered at a time; others wait."""
-
-FARTHEST_M = 1e6
-KEPT_FRAMES = 4
-"""Frames whose scans are kept in memory."""
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -54,6 +46,8 @@ class ViewServer(ThreadingHTTPServer):
 
     Attributes
     ----------
+    engine : PageEngine
+        Answers the page's questions.
     page : bytes
         From `intervis.view.page_html` with ``is_served=True``; set before `serve_forever`.
 
@@ -80,9 +74,7 @@ class ViewServer(ThreadingHTTPServer):
                 " --port."
             ) from None
         self.page = b""
-        self._drive, self._numbers, self._request = drive, numbers, request
-        self._judges: OrderedDict[int, FrameJudge] = OrderedDict()
-        self._lock = Lock()
+        self.engine = PageEngine(lambda number: frame_judge(drive, number, request), numbers)
         self._free = BoundedSemaphore(MOST_CONNECTIONS)
 
     def process_request(self, request: Any, client_address: Any) -> None:
@@ -105,47 +97,6 @@ class ViewServer(ThreadingHTTPServer):
     def url(self) -> str:
         """Address of the page."""
         return f"http://{HOST}:{self.server_port}/"
-
-    def answer(self, path: str, question: Any) -> dict[str, Any]:
-        """The answer to a question of the page, as JSON.
-
-        Raises
-        ------
-        PointsError
-            The question has not the expected form.
-        """
-        if not isinstance(question, dict):
-            raise PointsError("the question must be a JSON object.")
-        with self._lock:
-            judge = self._judge(question.get("frame"))
-            start = _place(question.get("from"), "from")
-            if path == "/line":
-                return judge.line(start, _place(question.get("to"), "to"))
-            header, block = judge.content(start)
-        return {"header": header, "block": base64.b64encode(block).decode("ascii")}
-
-    def _judge(self, number: Any) -> FrameJudge:
-        """A frame of the page, by its number, with its scans; those of a few frames are kept."""
-        if isinstance(number, bool) or not isinstance(number, int) or number not in self._numbers:
-            raise PointsError("frame must be the number of a frame of the page.")
-        if number not in self._judges:
-            self._judges[number] = FrameJudge(self._drive, number, self._request)
-            while len(self._judges) > KEPT_FRAMES:
-                self._judges.popitem(last=False)
-        self._judges.move_to_end(number)
-        return self._judges[number]
-
-
-def _place(value: Any, name: str) -> Float64Array:
-    """(3,) coordinates of a request, metres."""
-    if not isinstance(value, list) or len(value) != 3:
-        raise PointsError(f"{name} must be three numbers.")
-    for number in value:
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            raise PointsError(f"{name} must be three numbers.")
-        if not abs(number) <= FARTHEST_M:  # nor is NaN
-            raise PointsError(f"{name} must be three finite numbers in metres.")
-    return np.array(value, np.float64)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -183,7 +134,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             question = json.loads(self.rfile.read(int(length)))
-            answer = self.server.answer(self.path, question)
+            answer = self.server.engine.answer(self.path[1:], question)
         except (ValueError, RecursionError) as error:  # PointsError is a ValueError
             reason = str(error) if isinstance(error, IntervisError) else "this is not JSON."
             self._send_error(HTTPStatus.BAD_REQUEST, reason)

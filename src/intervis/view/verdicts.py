@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array, FloatArray, IntArray, finite_rows
-from intervis.sight import OCCLUDED, VISIBLE, Scene, Sight
+from intervis.sight import OCCLUDED, VISIBLE, Sight
 from intervis.sight.observed_profile import unobserved_parts
 from intervis.view.columns import Columns
-
-PER_M = 100
-"""Stored coordinates are whole multiples of 1 / PER_M metres."""
+from intervis.view.judged_frame import JudgedFrame
 
 PARTS = 16
 """A line is drawn in so many parts, each observed or unobserved."""
@@ -36,28 +34,19 @@ NOTHING_BESIDE = 65535
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedReturns:
-    """Returns of one frame, and the answers for the lines to them from one viewpoint.
+class ReturnsWithParts:
+    """The judged returns of one frame, and which parts of the lines to them are unobserved.
 
     Attributes
     ----------
-    viewpoint : (3,) float64 array
-        Sensor frame, metres.
-    rows : (N,) int64 array
-        Rows of the scan's file.
-    centimetres : (N, 3) int64 array
-        Sensor frame; what was judged is ``centimetres / 100`` metres.
-    sight : Sight
-        Of N lines.
+    judged : JudgedFrame
+        With N returns.
     unobserved_m : (N,) float64 array
     parts_m : (N, PARTS) float64 array
         Unobserved metres of each part of a line.
     """
 
-    viewpoint: Float64Array
-    rows: IntArray
-    centimetres: IntArray
-    sight: Sight
+    judged: JudgedFrame
     unobserved_m: Float64Array
     parts_m: Float64Array
 
@@ -76,26 +65,19 @@ def thinned_rows(points: FloatArray, most: int) -> IntArray:
     return np.asarray(rows[np.arange(most) * len(rows) // most])
 
 
-def judged_returns(
-    scene: Scene,
-    viewpoint: Float64Array,
-    rows: IntArray,
-    centimetres: IntArray,
-    risk: float,
-    moment_s: float | None,
-) -> JudgedReturns:
-    """Judge the lines from a viewpoint to stored returns."""
-    ends = centimetres / PER_M
-    sight = scene.sight(viewpoint, ends, risk=risk, moment_s=moment_s)
+def returns_with_parts(judged: JudgedFrame) -> ReturnsWithParts:
+    """The unobserved parts of the lines to the returns of a frame."""
+    ends = judged.points
     parts_m = np.zeros((len(ends), PARTS))
     # `observed` is exactly 1 where no sample is unobserved: those lines need no second march.
-    partly = np.flatnonzero(sight.observed < 1.0)
-    starts = np.broadcast_to(viewpoint, (len(partly), 3))
-    parts_m[partly] = unobserved_parts(scene.packed_scans(moment_s), starts, ends[partly], PARTS)
-    return JudgedReturns(viewpoint, rows, centimetres, sight, parts_m.sum(axis=1), parts_m)
+    partly = np.flatnonzero(judged.sight.observed < 1.0)
+    starts = np.broadcast_to(judged.viewpoint, (len(partly), 3))
+    scans = judged.scene.packed_scans(judged.moment_s)
+    parts_m[partly] = unobserved_parts(scans, starts, ends[partly], PARTS)
+    return ReturnsWithParts(judged, parts_m.sum(axis=1), parts_m)
 
 
-def verdict_columns(judged: JudgedReturns) -> Columns:
+def verdict_columns(returns: ReturnsWithParts) -> Columns:
     """The columns of judged returns, as the page's ``verdicts.js`` reads them.
 
     ``row``, ``x``, ``y``, ``z`` (cm), ``kind``, ``percent``, ``clearance`` (dm), ``metres`` (dm:
@@ -103,15 +85,14 @@ def verdict_columns(judged: JudgedReturns) -> Columns:
     ``profile`` of the lines that are not wholly observed (bit k: part k is mostly unobserved);
     ``blocker_x`` ... (dm) and ``blocker_at`` (dm from the viewpoint) of the occluded lines.
     """
-    sight = judged.sight
-    kind = _kinds(sight, judged.unobserved_m)
-    ends = judged.centimetres / PER_M
-    length_m = np.linalg.norm(ends - judged.viewpoint, axis=1)
-    partly = judged.parts_m.any(axis=1)
+    judged, sight = returns.judged, returns.judged.sight
+    kind = _kinds(sight, returns.unobserved_m)
+    length_m = np.linalg.norm(judged.points - judged.viewpoint, axis=1)
+    partly = returns.parts_m.any(axis=1)
     clearance = np.where(np.isfinite(sight.clearance), np.abs(sight.clearance), 0.0)
     beside_nothing = ~np.isfinite(sight.clearance)
-    unobserved = decimetres(judged.unobserved_m)
-    crossed = decimetres(np.maximum(length_m - judged.unobserved_m, 0.0))
+    unobserved = decimetres(returns.unobserved_m)
+    crossed = decimetres(np.maximum(length_m - returns.unobserved_m, 0.0))
     blocked = kind == BLOCKED
     blocker = sight.blocker[blocked]
     at_m = np.linalg.norm(blocker - judged.viewpoint, axis=1)
@@ -124,7 +105,7 @@ def verdict_columns(judged: JudgedReturns) -> Columns:
         "percent": percent_codes(sight.probability),
         "clearance": np.where(beside_nothing, NOTHING_BESIDE, decimetres(clearance)),
         "metres": np.where(kind == OPEN, decimetres(length_m) - crossed, unobserved),
-        "profile": _profiles(judged.parts_m[partly], length_m[partly]),
+        "profile": _profiles(returns.parts_m[partly], length_m[partly]),
         "blocker_at": decimetres(at_m),
     }
     for axis, name in enumerate("xyz"):

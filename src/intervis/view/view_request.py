@@ -39,6 +39,8 @@ class ViewRequest:
         Frames of a page, and returns of a frame, at most; more are thinned evenly.
     has_blind_spots : bool
         Whether the ground around the viewpoint is judged, too.
+    has_method : bool
+        Whether the paper's method is applied, too.
 
     Raises
     ------
@@ -54,6 +56,7 @@ class ViewRequest:
     most_frames: int = 24
     most_returns: int = 50_000
     has_blind_spots: bool = True
+    has_method: bool = True
 
     def __post_init__(self) -> None:
         if not RISK_RANGE[0] <= self.risk <= RISK_RANGE[1]:

@@ -1,8 +1,9 @@
 """``intervis bench``: our times beside those of other tools, in one run."""
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -35,6 +36,18 @@ def bench(
         Path | None,
         typer.Option("--compare", metavar="FILE", help="Show the change since an earlier --json."),
     ] = None,
+    growth: Annotated[
+        bool,
+        typer.Option(
+            "--growth",
+            help="Instead: how time and memory grow with the number of points, from 10,000 to a"
+            " million, over scans of the built-in street.",
+        ),
+    ] = False,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", metavar="FILE.png|FILE.svg", help="Draw the chart of --growth."),
+    ] = None,
 ) -> None:
     """Time the package beside other tools, interleaved, as medians.
 
@@ -49,6 +62,18 @@ def bench(
 
     if rounds < LEAST_ROUNDS:
         raise SettingsError(f"--rounds must be {LEAST_ROUNDS} or more, got {rounds}.")
+    if growth:
+        if any(one is not None for one in (source, frame, only, compare)):
+            raise SettingsError(
+                "--growth scans the built-in street: leave out SOURCE, --frame, --only and"
+                " --compare."
+            )
+        _growth(rounds, json, picture)
+        return
+    if picture is not None:
+        raise SettingsError(
+            "--picture draws the chart of --growth: give --growth, or leave it out."
+        )
     check_output_file(json, [source, compare])
     earlier = None if compare is None else read_earlier(compare)
     with tempfile.TemporaryDirectory() as folder:
@@ -58,16 +83,46 @@ def bench(
         with progress("timing", len(works) * (rounds + 1)) as advance:
             timings = interleaved(works, rounds, progress=advance)
     on, versions = machine(), version_numbers()
-    notes = [
-        f"{drive.name}, frame {number}. {on['processor']}, {on['cpus']} cores in use.",
-        f"{', '.join(f'{name} {text}' for name, text in versions.items())}.",
-    ]
+    notes = (f"{drive.name}, frame {number}.", _machine_note(on, versions))
     show(timings_table(timings, notes).as_text())
     if earlier is not None:
         show("\n" + changes_table(timings, earlier).as_text())
     if json is not None:
         head = {"drive": drive.name, "frame": number, "machine": on, "versions": versions}
         write_text(json, as_json(timings, head))
+
+
+def _growth(rounds: int, json: Path | None, picture: Path | None) -> None:
+    """Measure, show and write how time and memory grow."""
+    from json import dumps
+
+    from intervis.cli.options import check_output_files, check_picture_file
+    from intervis.files import write_text
+    from intervis.lab.speed import growth as curves
+    from intervis.run.summary import machine, version_numbers
+
+    check_output_files({"--json": json, "--picture": picture})
+    check_picture_file(picture)
+    sizes = curves.SIZES
+    with progress("growth", curves.growth_steps(sizes, rounds)) as advance:
+        found = curves.growth(sizes, rounds, progress=advance)
+    on, versions = machine(), version_numbers()
+    show(curves.growth_table(found, [_machine_note(on, versions)]).as_text())
+    if json is not None:
+        head = {"machine": on, "versions": versions, "growth": curves.growth_dict(found)}
+        write_text(json, dumps(head, indent=1) + "\n")
+    if picture is not None:
+        from intervis.lab.speed.growth_figure import growth_figure
+        from intervis.plots.style import save_figure
+
+        save_figure(growth_figure(found), picture, picture.suffix[1:].lower())
+        show(f"Picture: {picture}")
+
+
+def _machine_note(on: Mapping[str, Any], versions: Mapping[str, Any]) -> str:
+    """Processor, cores and versions, in a sentence or two."""
+    named = ", ".join(f"{name} {text}" for name, text in versions.items())
+    return f"{on['processor']}, {on['cpus']} cores in use. {named}."
 
 
 def _works_with(text: str | None, works: "list[Work]") -> "list[Work]":

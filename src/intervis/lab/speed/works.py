@@ -10,6 +10,7 @@ from scipy.spatial import Delaunay
 from intervis.arrays import Float64Array, finite_rows
 from intervis.delaunay import triangulate
 from intervis.lab.speed.grid_works import grid_works
+from intervis.lab.speed.numpy_mask import numpy_mask
 from intervis.lab.speed.route_works import route_works
 from intervis.lab.speed.timing import Work
 from intervis.lab.truth.baselines import depth_buffer, triangulated
@@ -19,7 +20,7 @@ from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.method.analysis import analyze
 from intervis.method.comparison import interpolation_points
 from intervis.settings import Settings
-from intervis.sight import Scene
+from intervis.sight import Scene, visible_mask
 from intervis.transform import inverse, transform
 
 try:
@@ -86,6 +87,7 @@ def works_of(question: Question) -> Iterator[Work]:
     yield from _method(question.frame)
     yield from _preparations(question)
     yield from _sight_lines(question)
+    yield from _masks(question)
     yield from grid_works(question.scans, question.poses)
 
 
@@ -131,6 +133,13 @@ def _preparations(question: Question) -> Iterator[Work]:
     if open3d is not None:
         triangles = triangulated.surface(question.scans[0], JUMP_FRACTION)
         yield Work(group, "Open3D, triangles given", _call(_open3d_scene, triangles), len(scan))
+
+
+def _masks(question: Question) -> Iterator[Work]:
+    scan, group = question.frame.points, "a mask of a scan by a depth buffer"
+    viewpoint = np.array([AHEAD_M, 0.0, 0.0])
+    yield Work(group, "intervis", _call(visible_mask, scan, viewpoint), len(scan))
+    yield Work(group, "the same in numpy", _call(numpy_mask, scan, viewpoint), len(scan))
 
 
 def _sight_lines(question: Question) -> Iterator[Work]:

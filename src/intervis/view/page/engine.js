@@ -1,6 +1,27 @@
-// The engine behind a served page: any line, and the whole scan from any viewpoint.
+// The engine behind a page: any line, and the whole scan from any viewpoint. A served page asks its
+// server, and a page in a notebook's iframe asks the widget around it.
+
+const waiting = new Map();
+
+addEventListener("message", (event) => {
+  const answer = event.source === parent ? event.data?.intervis : undefined;
+  if (!waiting.has(answer?.id)) return;
+  const [resolve, reject] = waiting.get(answer.id);
+  waiting.delete(answer.id);
+  if (answer.error === undefined) resolve(answer.answer);
+  else reject(new Error(answer.error));
+});
+
+function askWidget(kind, question) {
+  return new Promise((resolve, reject) => {
+    const id = crypto.getRandomValues(new Uint32Array(1))[0];
+    waiting.set(id, [resolve, reject]);
+    parent.postMessage({ intervis: { id, kind, question } }, "*");
+  });
+}
 
 async function ask(path, question) {
+  if (location.href === "about:srcdoc") return askWidget(path, question);
   const response = await fetch(path, {
     method: "POST",
     headers: { "Content-Type": "application/json" },

@@ -37,7 +37,9 @@ export class Selection {
     head.append(element("span", `badge ${state}`, state));
     head.append(line.row === null ? "line" : `return ${grouped(line.row)} of frame ${frame.number}`);
     body.append(head, element("p", "text", line.text), this.bar(line, state), this.table(line));
-    body.append(element("p", "hint", "The same from the command line:"), this.command(line));
+    if (this.state.page.has_command) {
+      body.append(element("p", "hint", "The same from the command line:"), this.command(line));
+    }
   }
 
   /** The line from the viewpoint (left) to its end, with what was observed of it. */
