@@ -253,17 +253,65 @@ def test_a_trajectory_without_gaps_is_no_warning(tmp_path, caplog):
     assert caplog.records == []
 
 
-def test_a_chunk_beyond_the_end_of_the_file_is_told(tmp_path):
-    path = write_las(tmp_path / "a.laz", *world(50))
-    header = read_las_header(path)
-    end = header.start + 8
+def chunks_of(path, header):
+    """Points and bytes of each chunk, by lazrs."""
     with path.open("rb") as file:
         file.seek(header.start)
-        table = lazrs.read_chunk_table(file, lazrs.LazVlr(header.compression))
-    end += sum(chunk_bytes for _, chunk_bytes in table)
-    check_chunks(path, header, end, 0)
+        return lazrs.read_chunk_table(file, lazrs.LazVlr(header.compression))
+
+
+def test_every_chunk_is_checked_where_it_lies(tmp_path):
+    """A layer that is larger than its chunk, in each of three chunks; layers are counted in it."""
+    path = write_las(tmp_path / "a.laz", *world(110_000))
+    header = read_las_header(path)
+    chunks, content = chunks_of(path, header), path.read_bytes()
+    assert len(chunks) == 3
+    check_chunks(path, header, len(content), 0)
+    place = header.start + 8
+    for nth, (_, chunk_bytes) in enumerate(chunks, start=1):
+        sizes_at = place + header.point_bytes + 4
+        sizes = np.frombuffer(content, "<u4", 9, sizes_at)  # of the nine layers of format 6
+        assert header.point_bytes + 4 + 36 + sizes.sum() == chunk_bytes
+        for layer in (0, 8):
+            damaged, at = bytearray(content), sizes_at + 4 * layer
+            damaged[at : at + 4] = struct.pack("<I", sizes[layer] + 1)
+            path.write_bytes(damaged)
+            with pytest.raises(ScanError, match=rf"has a damaged chunk at {place}\."):
+                check_chunks(path, header, len(content), 10 * nth + layer)
+        place += chunk_bytes
+    path.write_bytes(content)
+    check_chunks(path, header, place, 1)
     with pytest.raises(ScanError, match="one lies outside of it"):
-        check_chunks(path, header, end - 1, 0)
+        check_chunks(path, header, place - 1, 1)
+
+
+def test_chunks_with_fewer_points_than_declared_are_refused(tmp_path):
+    """Two chunks, each of 50,000 points at most."""
+    path = write_las(tmp_path / "a.laz", *world(60_000))
+    header = read_las_header(path)
+    size = path.stat().st_size
+    assert len(chunks_of(path, header)) == 2
+    check_chunks(path, header._replace(points=100_000), size, 0)
+    with pytest.raises(ScanError, match="declares 100001 points, its chunks hold 100000"):
+        check_chunks(path, header._replace(points=100_001), size, 0)
+
+
+def test_a_file_that_was_written_as_a_stream(tmp_path):
+    """The place of the table of chunks stands at the end of the file, not before the points."""
+    times_s, xyz = world(2000)
+    path = write_las(tmp_path / "a.laz", times_s, xyz)
+    write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
+    whole, start = [frame.points for frame in open_drive(path)], read_las_header(path).start
+    content = bytearray(path.read_bytes())
+    table = content[start : start + 8]
+    content[start : start + 8] = struct.pack("<q", -1)
+    path.write_bytes(content + table)
+    assert read_las_header(path).points == 2000
+    for points, frame in zip(whole, open_drive(path), strict=True):
+        assert np.array_equal(frame.points, points)
+    for place in (-2, start, len(content) + 1, 2**62):
+        path.write_bytes(content + struct.pack("<q", place))
+        refused(path, f"has a damaged table of chunks: it would lie at byte {place}", ScanError)
 
 
 def test_a_table_of_too_many_chunks_is_refused(tmp_path):
