@@ -226,6 +226,24 @@ def test_scanners_have_x_right_and_y_forward(tables) -> None:
     assert struct.unpack("<5f", sweep_bytes(one)) == (2, 5, 1, 128, 7)
 
 
+def test_records_that_all_drives_have(tables) -> None:
+    """As in nuScenes: visibilities are counted from 1, other tokens have 32 hexadecimal digits."""
+    levels = {token: one["level"] for token, one in tables["visibility"].items()}
+    assert levels == {"1": "v0-40", "2": "v40-60", "3": "v60-80", "4": "v80-100"}
+    assert tables["visibility"]["2"]["description"] == "visibility between 40 and 60 %"
+    for name in set(TABLES) - {"visibility"}:
+        for token in tables[name]:
+            assert len(bytes.fromhex(token)) == 16
+    (log,) = tables["log"].values()
+    assert (log["logfile"], log["date_captured"]) == ("scene-0001", "2023-11-14")
+    (scene,) = tables["scene"].values()
+    assert (scene["log_token"], scene["name"]) == (log["token"], "scene-0001")
+    assert scene["description"] == "simulated street, made, made"
+    (mask,) = tables["map"].values()
+    assert (tables["root"] / mask["filename"]).read_bytes() == blank_png(16)
+    assert mask["log_tokens"] == [log["token"]]
+
+
 def test_a_scene_comes_back_as_it_was_written(tables) -> None:
     drive = open_drive(tables["root"])
     assert drive.frame_numbers == tuple(range(12))
@@ -269,6 +287,23 @@ def test_several_scenes_stand_in_the_same_tables(tmp_path: Path) -> None:
     assert sum(not record["next"] for record in loaded["sample_data"]) == 2
     assert set(loaded["map"][0]["log_tokens"]) == {log["token"] for log in loaded["log"]}
     assert loaded["attribute"] == []
+    for records in loaded.values():
+        tokens = [record["token"] for record in records]
+        assert len(set(tokens)) == len(tokens)
+    # Car and person in two samples of the first scene, the person in two of the second.
+    assert [one["nbr_annotations"] for one in loaded["instance"]] == [2, 2, 2]
+
+
+def test_tables_that_were_interrupted_are_valid_json(tmp_path: Path) -> None:
+    writer = NuScenesWriter(tmp_path, rig("roof"))
+    for number in range(2):
+        writer.add(frame(number, rig("roof")))
+    writer.release()
+    loaded = {
+        name: json.loads((tmp_path / VERSION / f"{name}.json").read_text()) for name in TABLES
+    }
+    assert len(loaded["ego_pose"]) == 2
+    assert loaded["scene"] == []  # it is not complete
 
 
 def test_the_blank_mask_is_a_picture(tmp_path: Path) -> None:
@@ -401,9 +436,10 @@ def octets_of(content: bytes, place: int) -> tuple[bytes, int]:
     return content[place + 4 : place + 4 + size], place + 4 + size
 
 
-def test_the_records_of_a_recording_agree_with_each_other(tmp_path: Path) -> None:
+@pytest.mark.parametrize("names", [["roof"], ["rear", "roof"]])
+def test_the_records_of_a_recording_agree_with_each_other(names: list[str], tmp_path: Path) -> None:
     """The whole file walked by the specification: what it says of itself in two places is one."""
-    drive_rig = rig("roof", "rear")
+    drive_rig = rig(*names)
     path = tmp_path / write(McapWriter(tmp_path, drive_rig), drive_rig, 3).parts[0]
     content = path.read_bytes()
     found = list(records(content, 8, len(content) - 8))
@@ -437,9 +473,9 @@ def test_the_records_of_a_recording_agree_with_each_other(tmp_path: Path) -> Non
     assert len(schemas) == 2
     cloud, transforms = "sensor_msgs/msg/PointCloud2", "tf2_msgs/msg/TFMessage"
     assert sorted(topics.values()) == [
-        ("/lidar/rear", cloud), ("/lidar/roof", cloud),
-        ("/tf", transforms), ("/tf_static", transforms),
-    ]  # fmt: skip
+        *((f"/lidar/{name}", cloud) for name in names),
+        *(("/tf", transforms), ("/tf_static", transforms)),
+    ]
 
     counts, times_ns, chunks = dict.fromkeys(topics, 0), [], []
     for nth, (start, kind, record) in enumerate(data):
@@ -502,6 +538,20 @@ def test_a_recording_without_a_summary_is_read_too(tmp_path: Path) -> None:
     cut = open_drive(path)
     assert np.array_equal(cut[1].points, whole[1].points)
     assert np.array_equal(cut[1].pose, whole[1].pose)
+
+
+def test_what_was_written_before_an_interruption_can_be_read(tmp_path: Path) -> None:
+    drive_rig = rig("roof")
+    writer = McapWriter(tmp_path, drive_rig)
+    for number in range(2):
+        writer.add(frame(number, drive_rig))
+    writer.release()
+    content = (tmp_path / "drive.mcap").read_bytes()
+    assert [kind for _, kind, _ in records(content, 8, len(content))][-1] == 0x07  # an index
+    drive = open_drive(tmp_path / "drive.mcap")
+    assert drive.frame_numbers == (0, 1)
+    assert np.array_equal(drive[1].points, scan(1, 0).points)
+    assert np.allclose(drive[1].pose, pose(1) @ PLACES["roof"], rtol=0, atol=1e-9)
 
 
 # --- PCD ---

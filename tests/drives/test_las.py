@@ -88,7 +88,7 @@ def test_scans_have_the_points_of_their_time_seen_from_the_scanner(tmp_path, end
         assert np.allclose(frame.pose[:3, :3], [[s, -s, 0], [s, s, 0], [0, 0, 1]], atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", [1, 3, 6, 7, 8])
+@pytest.mark.parametrize("kind", [1, 3, 6, 7, 8, 9, 10])
 def test_points_of_other_formats(tmp_path, kind):
     """Colours, infrared and extra bytes are parts of a compressed point with own layers."""
     times_s, xyz = world(500)
@@ -101,7 +101,7 @@ def test_points_of_other_formats(tmp_path, kind):
     file.gps_time = times_s
     file.echo = np.linspace(-1, 1, 500)
     file.mark = np.arange(1500).reshape(500, 3) % 200
-    if kind in (3, 7, 8):
+    if kind in (3, 7, 8, 10):
         file.green = np.arange(500)
     file.write(str(tmp_path / "a.copc.laz"))
     write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
@@ -109,7 +109,7 @@ def test_points_of_other_formats(tmp_path, kind):
     own = np.floor((times_s - START_S) / 0.1).astype(int) == 4
     assert np.allclose(frame.attributes["echo"], np.linspace(-1, 1, 500)[own])
     assert np.array_equal(frame.attributes["mark"], (np.arange(1500).reshape(500, 3) % 200)[own])
-    if kind in (3, 7, 8):
+    if kind in (3, 7, 8, 10):
         assert np.array_equal(frame.attributes["green"], np.arange(500)[own])
     assert np.allclose(transform(frame.pose, frame.points), xyz[own], rtol=0, atol=1e-3)
 

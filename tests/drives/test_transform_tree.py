@@ -52,7 +52,7 @@ def add(tree, recorder, transforms, *, static=False):
 
 
 def test_motions_are_multiplied_from_the_root_down(recorder):
-    """map -> odom -> base; on the base a mast with two scanners, and a camera."""
+    """map -> odom -> base; on the base a mast with two scanners, a camera and a turning wheel."""
     tree = TransformTree()
     odom, mast, left, right, camera = map(motion_of, range(5))
     first, second = motion_of(10), motion_of(11)
@@ -60,6 +60,7 @@ def test_motions_are_multiplied_from_the_root_down(recorder):
     add(tree, recorder, [*fixed, ("base", "camera", camera, 0)], static=True)
     for nth, pose in enumerate((first, second)):
         add(tree, recorder, [("map", "odom", odom, nth), ("odom", "/base", pose, nth)])
+        add(tree, recorder, [("base", "wheel", motion_of(20 + nth), nth)])
     chain = tree.chain("left")
     assert [(edge.parent, edge.child) for edge in chain] == [
         ("mast", "left"), ("base", "mast"), ("odom", "base"), ("map", "odom"),
@@ -81,8 +82,8 @@ def test_motions_are_multiplied_from_the_root_down(recorder):
     assert tree.fixed("left", "elsewhere") is None
     assert np.allclose(tree.fixed_above("left"), mast @ left, rtol=0, atol=1e-9)
     assert np.allclose(tree.fixed_above("base"), np.eye(4))
-    below = {name: tree.moves_below(name) for name in ("map", "odom", "base", "left")}
-    assert below == {"map": True, "odom": True, "base": False, "left": False}
+    below = {name: tree.moves_below(name) for name in ("map", "odom", "base", "mast", "wheel")}
+    assert below == {"map": True, "odom": True, "base": True, "mast": False, "wheel": False}
 
 
 def test_poses_between_two_stamps_are_on_the_way(recorder):
