@@ -245,6 +245,68 @@ def test_garbage_in_the_header_is_refused_before_it_is_believed(
         refused(path, reason, ScanError)
 
 
+@pytest.mark.parametrize("kind", range(11))
+def test_points_have_at_least_the_bytes_of_their_format(tmp_path, kind):
+    """Sizes of all formats, as laspy has them; the header alone, without points."""
+    size = laspy.PointFormat(kind).size
+    for point_bytes, is_enough in ((size, True), (size + 1, True), (size - 1, False)):
+        head = bytearray(375)
+        head[:4], head[24:26] = b"LASF", bytes([1, 4])
+        struct.pack_into("<HIIBHI", head, 94, 375, 375, 0, kind, point_bytes, 0)
+        path = tmp_path / "a.las"
+        path.write_bytes(head)
+        if is_enough:
+            header = read_las_header(path)
+            assert (header.points, header.point_bytes, header.start) == (0, point_bytes, 375)
+            assert header.has_time == ("gps_time" in laspy.PointFormat(kind).dimension_names)
+        else:
+            with pytest.raises(ScanError, match=f"format {kind} in {size - 1} bytes, which is"):
+                read_las_header(path)
+
+
+@pytest.mark.parametrize("nth", range(6))
+def test_scales_and_offsets_are_numbers_of_metres(tmp_path, nth):
+    path = write_las(tmp_path / "a.las", *world(50))
+    content = path.read_bytes()
+    for value in (1.1e12, -1.1e12, np.nan):
+        at = 131 + 8 * nth
+        path.write_bytes(content[:at] + struct.pack("<d", value) + content[at + 8 :])
+        with pytest.raises(ScanError, match="scales or offsets that are no numbers of metres"):
+            read_las_header(path)
+
+
+def test_the_unit_of_a_short_header_is_read(tmp_path):
+    """The header of LAS 1.2 has 227 bytes; the records behind it say that the unit is the foot."""
+    feet = np.array([1, 1, 0, 1, 3076, 0, 1, 9003], "<u2").tobytes()
+    path = write_las(
+        *(tmp_path / "a.las", *world(50)), kind=1, version="1.2", unit=(34735, "", feet)
+    )
+    header = read_las_header(path)
+    assert (header.points, header.in_feet) == (50, True)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "reason"),
+    [
+        (18, struct.pack("<H", 22205), "is compressed, and its header does not say how"),
+        (20, struct.pack("<H", 33), "is compressed, and its header does not say how"),
+        (20, struct.pack("<H", 2000), "has a record that is longer than its header"),
+        (54 + 12, bytes(4), "has a damaged record of its compression"),
+        (54 + 32, struct.pack("<H", 2), "has a damaged record of its compression"),
+        (54 + 34 + 2, struct.pack("<H", 31), "has compressed points of 31 bytes, not 30"),
+    ],
+)
+def test_a_damaged_record_of_the_compression_is_told(tmp_path, place, value, reason):
+    """It holds one item: points of 30 bytes."""
+    path = write_las(tmp_path / "a.laz", *world(50))
+    content = bytearray(path.read_bytes())
+    at = content.index(b"laszip encoded") - 2 + place
+    content[at : at + len(value)] = value
+    path.write_bytes(content)
+    with pytest.raises(ScanError, match=reason):
+        read_las_header(path)
+
+
 def test_a_trajectory_without_gaps_is_no_warning(tmp_path, caplog):
     write_las(tmp_path / "a.las", *world())
     write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
@@ -321,9 +383,11 @@ def test_a_table_of_too_many_chunks_is_refused(tmp_path):
     content = bytearray(path.read_bytes())
     start = struct.unpack_from("<I", content, 96)[0]
     table = struct.unpack_from("<q", content, start)[0]
-    content[table + 4 : table + 8] = struct.pack("<I", 2**32 - 1)
-    path.write_bytes(content)
-    refused(path, "a damaged table of 4294967295 chunks", ScanError)
+    # A chunk has one point of 30 bytes at least.
+    for chunks in (2**32 - 1, len(content) // 30 + 1):
+        content[table + 4 : table + 8] = struct.pack("<I", chunks)
+        path.write_bytes(content)
+        refused(path, f"a damaged table of {chunks} chunks", ScanError)
 
 
 @pytest.mark.parametrize("ending", ["las", "laz"])
