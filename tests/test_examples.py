@@ -13,6 +13,7 @@ SAID = {
     "blind_spots": ("m away:", "could hide: car"),
     "voxel_masks": ("occluded: ", "image_02 sees ", "<BevGrid: 300 x 300 cells of 0.2 m"),
     "route": ("2 of 2 zones come into sight", "Largest visible shares: kerb"),
+    "siting": ("Places", "Zones, seen by all chosen places", "No other 2 candidates reach more."),
     "sight_distance": ("crest, AASHTO, derived", "62.8", "junction, AASHTO"),
     "two_scanners": ("LIDAR_TOP: 4", " 0 beside the left doors", "LIDAR_LEFT: 1"),
     "stream": (

@@ -29,6 +29,13 @@ STORES = (
 )
 """Classes of answers: they store what they are given, and a caller makes none."""
 
+NOT_YET = (
+    *("Candidate", "Coverage", "Demand", "Reach", "Siting", "best_sites", "candidates_along"),
+    *("candidates_within", "choose_sites", "coverage", "demand_of_points", "demand_of_zones"),
+    "weighted_by_users",
+)
+"""Siting: its calls are younger than this list, and are not fuzzed yet."""
+
 CONSTANTS = ("OCCLUDED", "UNKNOWN", "VISIBLE", "__version__", "AASHTO", "AUSTROADS", "DMRB")
 MADE_BY = {"Drive": "open_drive", "warm_up": "progress"}
 """What is asked in other words: a drive is opened, `warm_up` takes no data."""

@@ -39,6 +39,10 @@ FILES = {
     "zones.geojson": """{"type": "FeatureCollection", "features": [{"type": "Feature",
         "properties": {"name": "kerb", "low_m": 0.2, "high_m": 1.0}, "geometry": {"type": "Polygon",
         "coordinates": [[[8, 3], [11, 3], [11, 4], [8, 4], [8, 3]]]}}]}""",
+    "poles.csv": "name,x,y,height\npole,5,4,3\nlamp,12,4,3\ngate,20,4,3\n",
+    "verges.geojson": """{"type": "FeatureCollection", "features": [{"type": "Feature",
+        "properties": {"name": "verge"}, "geometry": {"type": "Polygon",
+        "coordinates": [[[4, 3], [16, 3], [16, 6], [4, 6], [4, 3]]]}}]}""",
 }
 """Files that the commands of the pages read; agents.csv stands on its page."""
 

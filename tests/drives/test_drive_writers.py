@@ -28,24 +28,26 @@ from intervis.drives.nuscenes_writer import NuScenesWriter, blank_png, sweep_byt
 from intervis.drives.pcd_writer import PcdWriter
 from intervis.drives.pose_track import PoseTrack
 from intervis.errors import CalibrationError
-from intervis.transform import rigid
+from intervis.transform import inverse, rigid, transform
 
 START_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
 
 
-def turn(yaw_deg: float, pitch_deg: float = 0.0) -> np.ndarray:
-    return Rotation.from_euler("zy", [yaw_deg, pitch_deg], degrees=True).as_matrix()
+def turn(yaw_deg: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> np.ndarray:
+    angles_deg = [yaw_deg, pitch_deg, roll_deg]
+    return Rotation.from_euler("ZYX", angles_deg, degrees=True).as_matrix()
 
 
+# No two numbers of a motion are the same: places that are exchanged do not go unnoticed.
 PLACES = {
-    "roof": rigid(turn(0, 1), [0.9, 0, 1.8]),
-    "rear": rigid(turn(170, 3), [-1.0, 0.1, 0.7]),
+    "roof": rigid(turn(4, 1, -2), [0.9, -0.2, 1.8]),
+    "rear": rigid(turn(170, 3, 5), [-1.0, 0.1, 0.7]),
 }
 CAMERA = RigCamera(
     "front",
     Camera(np.array([[300.0, 0, 31.5, 0], [0, 301, 17.5, 0], [0, 0, 1, 0]]), 64, 36),
-    rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [1.7, 0, 1.5]),
+    rigid(turn(6, -3, 2) @ [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [1.7, -0.3, 1.5]),
 )
 
 
@@ -54,7 +56,7 @@ def rig(*names: str, cameras: tuple[RigCamera, ...] = ()) -> Rig:
 
 
 def pose(number: float) -> np.ndarray:
-    return rigid(turn(30 + 2 * number), [100 + number, 200, 3])
+    return rigid(turn(30 + 2 * number, 2, -1.5), [100 + number, 200 - 2 * number, 3])
 
 
 def scan(number: int, scanner: int, motion: bool = True) -> ScanRecord:
@@ -122,6 +124,12 @@ def chain(records: dict[str, dict], first: str) -> list[dict]:
     return found
 
 
+def motion_in(record: dict) -> np.ndarray:
+    """The motion of a record: translation, and a quaternion w, x, y, z."""
+    w, x, y, z = record["rotation"]
+    return rigid(Rotation.from_quat([x, y, z, w]).as_matrix(), record["translation"])
+
+
 def test_samples_follow_each_other_every_half_second(tables) -> None:
     (scene,) = tables["scene"].values()
     samples = chain(tables["sample"], scene["first_sample_token"])
@@ -145,15 +153,34 @@ def test_every_sensor_has_a_chain_of_files_that_exist(tables) -> None:
         for number, record in enumerate(records):
             path = tables["root"] / record["filename"]
             assert path.is_file()
-            assert record["filename"].startswith("samples" if number % 5 == 0 else "sweeps")
-            assert record["sample_token"] in tables["sample"]
+            folder, ending = ("samples" if number % 5 == 0 else "sweeps"), "pcd.bin"
+            assert record["fileformat"] == ("jpg" if channel == "CAM_FRONT" else "pcd")
+            if channel == "CAM_FRONT":
+                ending = "jpg"
+            time_us = (START_NS + number * STEP_NS) // 1000 + 20_000 * (channel == "CAM_FRONT")
+            name = f"scene-0001__{channel}__{time_us}.{ending}"
+            assert record["filename"] == f"{folder}/{channel}/{name}"
+            assert record["timestamp"] == time_us
+            time_us = tables["sample"][record["sample_token"]]["timestamp"]
+            assert time_us * 1000 == START_NS + number // 5 * 5 * STEP_NS
             ego = tables["ego_pose"][record["ego_pose_token"]]
             assert ego["timestamp"] == record["timestamp"]
             share = 0.2 if channel == "CAM_FRONT" else 0
-            assert np.allclose(ego["translation"], pose(number + share)[:3, 3], atol=1e-12)
+            assert np.allclose(motion_in(ego), pose(number + share), rtol=0, atol=1e-9)
             assert (record["width"], record["height"]) == (
                 (64, 36) if channel == "CAM_FRONT" else (0, 0)
             )
+
+
+def returns_in(box: BoxRecord, number: int) -> int:
+    """Returns of both scanners in a box, one by one."""
+    count = 0
+    for nth, name in enumerate(("roof", "rear")):
+        for point in scan(number, nth).points.astype(np.float64):
+            in_world = pose(number) @ PLACES[name] @ [*point, 1.0]
+            own = box.world_from_box[:3, :3].T @ (in_world[:3] - box.world_from_box[:3, 3])
+            count += bool((abs(own) <= box.size_m / 2).all())
+    return count
 
 
 def test_objects_are_annotated_in_key_frames(tables) -> None:
@@ -167,23 +194,81 @@ def test_objects_are_annotated_in_key_frames(tables) -> None:
         for record in records:
             assert record["instance_token"] == instance["token"]
             assert record["size"] == [2, 4, 1.5]  # width, length, height
+            time_us = tables["sample"][record["sample_token"]]["timestamp"]
+            number = (1000 * time_us - START_NS) // STEP_NS
+            (box,) = (
+                one for one in frame(number, rig()).boxes if (one.category == "car") == (
+                    category == "vehicle.car"
+                )
+            )  # fmt: skip
+            assert np.allclose(motion_in(record), box.world_from_box, rtol=0, atol=1e-9)
+            assert record["num_lidar_pts"] == returns_in(box, number) > 0
     assert counts == {"vehicle.car": 2, "human.pedestrian.adult": 3}
     assert len(tables["sample_annotation"]) == 5
 
 
-def test_the_sensor_has_x_right_and_y_forward(tables) -> None:
-    sensors = {one["token"]: one["channel"] for one in tables["sensor"].values()}
-    (top,) = (
-        one for one in tables["calibrated_sensor"].values()
-        if sensors[one["sensor_token"]] == "LIDAR_TOP"
-    )  # fmt: skip
-    w, x, y, z = top["rotation"]
-    ego_from_sensor = Rotation.from_quat([x, y, z, w]).as_matrix()
-    assert np.allclose(ego_from_sensor @ [0, 1, 0], PLACES["roof"][:3, 0], atol=1e-12)  # forward
-    assert np.allclose(ego_from_sensor @ [1, 0, 0], -PLACES["roof"][:3, 1], atol=1e-12)  # right
-    assert np.allclose(top["translation"], [0.9, 0, 1.8])
+def test_scanners_have_x_right_and_y_forward(tables) -> None:
+    x_right = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]  # sensor_from_velo
+    expected = {
+        "LIDAR_TOP": PLACES["roof"] @ np.transpose(x_right),
+        "LIDAR_BACK": PLACES["rear"] @ np.transpose(x_right),
+        "CAM_FRONT": CAMERA.ego_from_cam,
+    }
+    for one in tables["calibrated_sensor"].values():
+        sensor = tables["sensor"][one["sensor_token"]]
+        channel = sensor["channel"]
+        assert sensor["modality"] == ("camera" if channel == "CAM_FRONT" else "lidar")
+        assert np.allclose(motion_in(one), expected.pop(channel), rtol=0, atol=1e-12)
+        matrix = [[300, 0, 31.5], [0, 301, 17.5], [0, 0, 1]]
+        assert one["camera_intrinsic"] == (matrix if channel == "CAM_FRONT" else [])
+    assert not expected
     one = ScanRecord(np.array([[5, -2, 1]], np.float32), np.array([0.5], np.float32), np.array([7]))
     assert struct.unpack("<5f", sweep_bytes(one)) == (2, 5, 1, 128, 7)
+
+
+def test_records_that_all_drives_have(tables) -> None:
+    """As in nuScenes: visibilities are counted from 1, other tokens have 32 hexadecimal digits."""
+    levels = {token: one["level"] for token, one in tables["visibility"].items()}
+    assert levels == {"1": "v0-40", "2": "v40-60", "3": "v60-80", "4": "v80-100"}
+    assert tables["visibility"]["2"]["description"] == "visibility between 40 and 60 %"
+    for name in set(TABLES) - {"visibility"}:
+        for token in tables[name]:
+            assert len(bytes.fromhex(token)) == 16
+    (log,) = tables["log"].values()
+    assert (log["logfile"], log["date_captured"]) == ("scene-0001", "2023-11-14")
+    (scene,) = tables["scene"].values()
+    assert (scene["log_token"], scene["name"]) == (log["token"], "scene-0001")
+    assert scene["description"] == "simulated street, made, made"
+    (mask,) = tables["map"].values()
+    assert (tables["root"] / mask["filename"]).read_bytes() == blank_png(16)
+    assert mask["log_tokens"] == [log["token"]]
+
+
+def test_a_scene_comes_back_as_it_was_written(tables) -> None:
+    drive = open_drive(tables["root"])
+    assert drive.frame_numbers == tuple(range(12))
+    for number in (0, 3, 5, 10):
+        found, written = drive[number], frame(number, rig("roof", "rear"))
+        assert found.timestamp_ns == written.time_ns
+        assert np.array_equal(found.points, scan(number, 0).points)
+        assert np.array_equal(found.attributes["ring"], scan(number, 0).ring)
+        of_255 = np.round(255 * scan(number, 0).intensity)
+        assert np.array_equal(found.attributes["intensity"], of_255)
+        assert np.allclose(found.pose, pose(number) @ PLACES["roof"], rtol=0, atol=1e-9)
+        cam_from_velo = inverse(pose(number + 0.2) @ CAMERA.ego_from_cam) @ found.pose
+        assert np.allclose(found.cam_from_velo, cam_from_velo, rtol=0, atol=1e-9)
+        assert np.array_equal(found.camera.projection, CAMERA.camera.projection)
+        _, rear = found.scans
+        in_world = transform(pose(number) @ PLACES["rear"], scan(number, 1).points)
+        assert np.allclose(transform(rear.pose, rear.points), in_world, rtol=0, atol=1e-5)
+        boxes = {box.category: box for box in found.boxes}
+        names = {"car": "vehicle.car", "person": "human.pedestrian.adult"}
+        assert set(boxes) == {names[box.category] for box in written.boxes if number % 5 == 0}
+        for box in written.boxes if boxes else ():
+            read = boxes[names[box.category]]
+            velo_from_box = inverse(found.pose) @ box.world_from_box
+            assert np.allclose(read.velo_from_box, velo_from_box, rtol=0, atol=1e-9)
+            assert read.size_m.tolist() == [4, 2, 1.5]
 
 
 def test_several_scenes_stand_in_the_same_tables(tmp_path: Path) -> None:
@@ -202,6 +287,23 @@ def test_several_scenes_stand_in_the_same_tables(tmp_path: Path) -> None:
     assert sum(not record["next"] for record in loaded["sample_data"]) == 2
     assert set(loaded["map"][0]["log_tokens"]) == {log["token"] for log in loaded["log"]}
     assert loaded["attribute"] == []
+    for records in loaded.values():
+        tokens = [record["token"] for record in records]
+        assert len(set(tokens)) == len(tokens)
+    # Car and person in two samples of the first scene, the person in two of the second.
+    assert [one["nbr_annotations"] for one in loaded["instance"]] == [2, 2, 2]
+
+
+def test_tables_that_were_interrupted_are_valid_json(tmp_path: Path) -> None:
+    writer = NuScenesWriter(tmp_path, rig("roof"))
+    for number in range(2):
+        writer.add(frame(number, rig("roof")))
+    writer.release()
+    loaded = {
+        name: json.loads((tmp_path / VERSION / f"{name}.json").read_text()) for name in TABLES
+    }
+    assert len(loaded["ego_pose"]) == 2
+    assert loaded["scene"] == []  # it is not complete
 
 
 def test_the_blank_mask_is_a_picture(tmp_path: Path) -> None:
@@ -209,6 +311,23 @@ def test_the_blank_mask_is_a_picture(tmp_path: Path) -> None:
     (tmp_path / "blank.png").write_bytes(blank_png(16))
     with image.open(tmp_path / "blank.png") as picture:
         assert (picture.size, picture.mode, picture.getextrema()) == ((16, 16), "L", (0, 0))
+
+
+def test_the_blank_mask_byte_by_byte() -> None:
+    """By the specification of PNG; decoders leave out to check some of it."""
+    content, chunks, place = blank_png(3), [], 8
+    assert content[:8] == bytes([0x89, *b"PNG", 0x0D, 0x0A, 0x1A, 0x0A])
+    while place < len(content):
+        (size,) = struct.unpack_from(">I", content, place)
+        kind, body = content[place + 4 : place + 8], content[place + 8 : place + 8 + size]
+        assert struct.unpack_from(">I", content, place + 8 + size) == (zlib.crc32(kind + body),)
+        chunks.append((kind, body))
+        place += 12 + size
+    assert [kind for kind, _ in chunks] == [b"IHDR", b"IDAT", b"IEND"]
+    # Width, height, 8 bits, grey, deflate, no filter of another kind, no interlacing.
+    assert chunks[0][1] == bytes([0, 0, 0, 3, 0, 0, 0, 3, 8, 0, 0, 0, 0])
+    assert zlib.decompress(chunks[1][1]) == bytes(3 * (1 + 3))  # a row begins with its filter
+    assert chunks[2][1] == b""
 
 
 # --- MCAP ---
@@ -301,6 +420,115 @@ def test_checksums_and_summary_of_a_recording(tmp_path: Path) -> None:
     assert place == end
 
 
+def records(content: bytes, place: int, end: int):
+    """Place, kind and content of each record between two places."""
+    while place < end:
+        kind, size = struct.unpack_from("<BQ", content, place)
+        yield place, kind, content[place + 9 : place + 9 + size]
+        place += 9 + size
+    assert place == end
+
+
+def octets_of(content: bytes, place: int) -> tuple[bytes, int]:
+    """Bytes behind their number, and the place behind them."""
+    (size,) = struct.unpack_from("<I", content, place)
+    assert place + 4 + size <= len(content)
+    return content[place + 4 : place + 4 + size], place + 4 + size
+
+
+@pytest.mark.parametrize("names", [["roof"], ["rear", "roof"]])
+def test_the_records_of_a_recording_agree_with_each_other(names: list[str], tmp_path: Path) -> None:
+    """The whole file walked by the specification: what it says of itself in two places is one."""
+    drive_rig = rig(*names)
+    path = tmp_path / write(McapWriter(tmp_path, drive_rig), drive_rig, 3).parts[0]
+    content = path.read_bytes()
+    found = list(records(content, 8, len(content) - 8))
+    kinds = [kind for _, kind, _ in found]
+    assert kinds[0] == 0x01
+    profile, place = octets_of(found[0][2], 0)
+    library, place = octets_of(found[0][2], place)
+    assert (profile, library[:9], place) == (b"ros2", b"intervis ", len(found[0][2]))
+    end_of_data = kinds.index(0x0F)
+    assert found[end_of_data][2] == bytes(4)
+    data, summary = found[1:end_of_data], found[end_of_data + 1 :]
+    for kind in (0x03, 0x04):  # the summary repeats the definitions
+        of_data, of_summary = ([r for _, k, r in part if k == kind] for part in (data, summary))
+        assert of_data == of_summary
+    schemas, topics = {}, {}
+    for _, kind, record in data:
+        if kind == 0x03:
+            name, place = octets_of(record, 2)
+            encoding, place = octets_of(record, place)
+            definition, place = octets_of(record, place)
+            assert (encoding, place) == (b"ros2msg", len(record))
+            assert definition.startswith((b"std_msgs/Header header", b"geometry_msgs/Transform"))
+            schemas[struct.unpack_from("<H", record)[0]] = name.decode()
+        elif kind == 0x04:
+            number, schema = struct.unpack_from("<HH", record)
+            topic, place = octets_of(record, 4)
+            encoding, place = octets_of(record, place)
+            assert (encoding, record[place:]) == (b"cdr", bytes(4))
+            topics[number] = (topic.decode(), schemas[schema])
+    assert 0 not in schemas  # reserved
+    assert len(schemas) == 2
+    cloud, transforms = "sensor_msgs/msg/PointCloud2", "tf2_msgs/msg/TFMessage"
+    assert sorted(topics.values()) == [
+        *((f"/lidar/{name}", cloud) for name in names),
+        *(("/tf", transforms), ("/tf_static", transforms)),
+    ]
+
+    counts, times_ns, chunks = dict.fromkeys(topics, 0), [], []
+    for nth, (start, kind, record) in enumerate(data):
+        if kind != 0x06:
+            continue
+        first_ns, last_ns, size, checksum = struct.unpack_from("<QQQI", record)
+        compression, place = octets_of(record, 28)
+        inside = record[place + 8 :]
+        assert struct.unpack_from("<Q", record, place) == (size,) == (len(inside),)
+        assert (compression, zlib.crc32(inside)) == (b"", checksum)
+        messages, of_chunk = {}, []
+        for offset, message_kind, message in records(inside, 0, size):
+            assert message_kind == 0x05
+            number, sequence, logged_ns, published_ns = struct.unpack_from("<HIQQ", message)
+            assert sequence == counts[number]
+            assert logged_ns == published_ns
+            counts[number] += 1
+            messages.setdefault(number, []).append((logged_ns, offset))
+            of_chunk.append(logged_ns)
+        assert of_chunk == sorted(of_chunk)
+        assert (first_ns, last_ns) == (of_chunk[0], of_chunk[-1])
+        times_ns += of_chunk
+        indexes = {}
+        for place, _, index in data[nth + 1 : nth + 1 + len(messages)]:
+            number, entries = struct.unpack_from("<H", index)[0], octets_of(index, 2)[0]
+            assert list(struct.iter_unpack("<QQ", entries)) == messages[number]
+            indexes[number] = place
+        assert indexes.keys() == messages.keys()
+        behind = data[nth + 1 + len(messages)][0] if nth + 1 + len(messages) < len(data) else None
+        chunks.append((first_ns, last_ns, start, 9 + len(record), indexes, behind, size))
+    assert [kind for _, kind, _ in data].count(0x07) == sum(len(chunk[4]) for chunk in chunks)
+    assert len(chunks) == 3
+
+    of_summary = [record for _, kind, record in summary if kind == 0x08]
+    for record, (first_ns, last_ns, start, length, indexes, behind, size) in zip(
+        of_summary, chunks, strict=True
+    ):
+        assert struct.unpack_from("<QQQQ", record) == (first_ns, last_ns, start, length)
+        places, at = octets_of(record, 32)
+        assert dict(struct.iter_unpack("<HQ", places)) == indexes
+        (index_bytes,) = struct.unpack_from("<Q", record, at)
+        behind = found[end_of_data][0] if behind is None else behind
+        assert start + length + index_bytes == behind
+        compression, at = octets_of(record, at + 8)
+        assert (compression, record[at:]) == (b"", struct.pack("<QQ", size, size))
+    ((statistics),) = [record for _, kind, record in summary if kind == 0x0B]
+    by_channel, place = octets_of(statistics, 42)
+    assert place == len(statistics)
+    assert dict(struct.iter_unpack("<HQ", by_channel)) == counts
+    assert struct.unpack_from("<Q", statistics) == (sum(counts.values()),)
+    assert struct.unpack_from("<QQ", statistics, 26) == (min(times_ns), max(times_ns))
+
+
 def test_a_recording_without_a_summary_is_read_too(tmp_path: Path) -> None:
     drive_rig = rig("roof")
     path = tmp_path / write(McapWriter(tmp_path, drive_rig), drive_rig, 2)
@@ -310,6 +538,20 @@ def test_a_recording_without_a_summary_is_read_too(tmp_path: Path) -> None:
     cut = open_drive(path)
     assert np.array_equal(cut[1].points, whole[1].points)
     assert np.array_equal(cut[1].pose, whole[1].pose)
+
+
+def test_what_was_written_before_an_interruption_can_be_read(tmp_path: Path) -> None:
+    drive_rig = rig("roof")
+    writer = McapWriter(tmp_path, drive_rig)
+    for number in range(2):
+        writer.add(frame(number, drive_rig))
+    writer.release()
+    content = (tmp_path / "drive.mcap").read_bytes()
+    assert [kind for _, kind, _ in records(content, 8, len(content))][-1] == 0x07  # an index
+    drive = open_drive(tmp_path / "drive.mcap")
+    assert drive.frame_numbers == (0, 1)
+    assert np.array_equal(drive[1].points, scan(1, 0).points)
+    assert np.allclose(drive[1].pose, pose(1) @ PLACES["roof"], rtol=0, atol=1e-9)
 
 
 # --- PCD ---

@@ -88,7 +88,7 @@ def test_scans_have_the_points_of_their_time_seen_from_the_scanner(tmp_path, end
         assert np.allclose(frame.pose[:3, :3], [[s, -s, 0], [s, s, 0], [0, 0, 1]], atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", [1, 3, 6, 7, 8])
+@pytest.mark.parametrize("kind", [1, 3, 6, 7, 8, 9, 10])
 def test_points_of_other_formats(tmp_path, kind):
     """Colours, infrared and extra bytes are parts of a compressed point with own layers."""
     times_s, xyz = world(500)
@@ -101,7 +101,7 @@ def test_points_of_other_formats(tmp_path, kind):
     file.gps_time = times_s
     file.echo = np.linspace(-1, 1, 500)
     file.mark = np.arange(1500).reshape(500, 3) % 200
-    if kind in (3, 7, 8):
+    if kind in (3, 7, 8, 10):
         file.green = np.arange(500)
     file.write(str(tmp_path / "a.copc.laz"))
     write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
@@ -109,7 +109,7 @@ def test_points_of_other_formats(tmp_path, kind):
     own = np.floor((times_s - START_S) / 0.1).astype(int) == 4
     assert np.allclose(frame.attributes["echo"], np.linspace(-1, 1, 500)[own])
     assert np.array_equal(frame.attributes["mark"], (np.arange(1500).reshape(500, 3) % 200)[own])
-    if kind in (3, 7, 8):
+    if kind in (3, 7, 8, 10):
         assert np.array_equal(frame.attributes["green"], np.arange(500)[own])
     assert np.allclose(transform(frame.pose, frame.points), xyz[own], rtol=0, atol=1e-3)
 
@@ -245,6 +245,68 @@ def test_garbage_in_the_header_is_refused_before_it_is_believed(
         refused(path, reason, ScanError)
 
 
+@pytest.mark.parametrize("kind", range(11))
+def test_points_have_at_least_the_bytes_of_their_format(tmp_path, kind):
+    """Sizes of all formats, as laspy has them; the header alone, without points."""
+    size = laspy.PointFormat(kind).size
+    for point_bytes, is_enough in ((size, True), (size + 1, True), (size - 1, False)):
+        head = bytearray(375)
+        head[:4], head[24:26] = b"LASF", bytes([1, 4])
+        struct.pack_into("<HIIBHI", head, 94, 375, 375, 0, kind, point_bytes, 0)
+        path = tmp_path / "a.las"
+        path.write_bytes(head)
+        if is_enough:
+            header = read_las_header(path)
+            assert (header.points, header.point_bytes, header.start) == (0, point_bytes, 375)
+            assert header.has_time == ("gps_time" in laspy.PointFormat(kind).dimension_names)
+        else:
+            with pytest.raises(ScanError, match=f"format {kind} in {size - 1} bytes, which is"):
+                read_las_header(path)
+
+
+@pytest.mark.parametrize("nth", range(6))
+def test_scales_and_offsets_are_numbers_of_metres(tmp_path, nth):
+    path = write_las(tmp_path / "a.las", *world(50))
+    content = path.read_bytes()
+    for value in (1.1e12, -1.1e12, np.nan):
+        at = 131 + 8 * nth
+        path.write_bytes(content[:at] + struct.pack("<d", value) + content[at + 8 :])
+        with pytest.raises(ScanError, match="scales or offsets that are no numbers of metres"):
+            read_las_header(path)
+
+
+def test_the_unit_of_a_short_header_is_read(tmp_path):
+    """The header of LAS 1.2 has 227 bytes; the records behind it say that the unit is the foot."""
+    feet = np.array([1, 1, 0, 1, 3076, 0, 1, 9003], "<u2").tobytes()
+    path = write_las(
+        *(tmp_path / "a.las", *world(50)), kind=1, version="1.2", unit=(34735, "", feet)
+    )
+    header = read_las_header(path)
+    assert (header.points, header.in_feet) == (50, True)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "reason"),
+    [
+        (18, struct.pack("<H", 22205), "is compressed, and its header does not say how"),
+        (20, struct.pack("<H", 33), "is compressed, and its header does not say how"),
+        (20, struct.pack("<H", 2000), "has a record that is longer than its header"),
+        (54 + 12, bytes(4), "has a damaged record of its compression"),
+        (54 + 32, struct.pack("<H", 2), "has a damaged record of its compression"),
+        (54 + 34 + 2, struct.pack("<H", 31), "has compressed points of 31 bytes, not 30"),
+    ],
+)
+def test_a_damaged_record_of_the_compression_is_told(tmp_path, place, value, reason):
+    """It holds one item: points of 30 bytes."""
+    path = write_las(tmp_path / "a.laz", *world(50))
+    content = bytearray(path.read_bytes())
+    at = content.index(b"laszip encoded") - 2 + place
+    content[at : at + len(value)] = value
+    path.write_bytes(content)
+    with pytest.raises(ScanError, match=reason):
+        read_las_header(path)
+
+
 def test_a_trajectory_without_gaps_is_no_warning(tmp_path, caplog):
     write_las(tmp_path / "a.las", *world())
     write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
@@ -253,17 +315,65 @@ def test_a_trajectory_without_gaps_is_no_warning(tmp_path, caplog):
     assert caplog.records == []
 
 
-def test_a_chunk_beyond_the_end_of_the_file_is_told(tmp_path):
-    path = write_las(tmp_path / "a.laz", *world(50))
-    header = read_las_header(path)
-    end = header.start + 8
+def chunks_of(path, header):
+    """Points and bytes of each chunk, by lazrs."""
     with path.open("rb") as file:
         file.seek(header.start)
-        table = lazrs.read_chunk_table(file, lazrs.LazVlr(header.compression))
-    end += sum(chunk_bytes for _, chunk_bytes in table)
-    check_chunks(path, header, end, 0)
+        return lazrs.read_chunk_table(file, lazrs.LazVlr(header.compression))
+
+
+def test_every_chunk_is_checked_where_it_lies(tmp_path):
+    """A layer that is larger than its chunk, in each of three chunks; layers are counted in it."""
+    path = write_las(tmp_path / "a.laz", *world(110_000))
+    header = read_las_header(path)
+    chunks, content = chunks_of(path, header), path.read_bytes()
+    assert len(chunks) == 3
+    check_chunks(path, header, len(content), 0)
+    place = header.start + 8
+    for nth, (_, chunk_bytes) in enumerate(chunks, start=1):
+        sizes_at = place + header.point_bytes + 4
+        sizes = np.frombuffer(content, "<u4", 9, sizes_at)  # of the nine layers of format 6
+        assert header.point_bytes + 4 + 36 + sizes.sum() == chunk_bytes
+        for layer in (0, 8):
+            damaged, at = bytearray(content), sizes_at + 4 * layer
+            damaged[at : at + 4] = struct.pack("<I", sizes[layer] + 1)
+            path.write_bytes(damaged)
+            with pytest.raises(ScanError, match=rf"has a damaged chunk at {place}\."):
+                check_chunks(path, header, len(content), 10 * nth + layer)
+        place += chunk_bytes
+    path.write_bytes(content)
+    check_chunks(path, header, place, 1)
     with pytest.raises(ScanError, match="one lies outside of it"):
-        check_chunks(path, header, end - 1, 0)
+        check_chunks(path, header, place - 1, 1)
+
+
+def test_chunks_with_fewer_points_than_declared_are_refused(tmp_path):
+    """Two chunks, each of 50,000 points at most."""
+    path = write_las(tmp_path / "a.laz", *world(60_000))
+    header = read_las_header(path)
+    size = path.stat().st_size
+    assert len(chunks_of(path, header)) == 2
+    check_chunks(path, header._replace(points=100_000), size, 0)
+    with pytest.raises(ScanError, match="declares 100001 points, its chunks hold 100000"):
+        check_chunks(path, header._replace(points=100_001), size, 0)
+
+
+def test_a_file_that_was_written_as_a_stream(tmp_path):
+    """The place of the table of chunks stands at the end of the file, not before the points."""
+    times_s, xyz = world(2000)
+    path = write_las(tmp_path / "a.laz", times_s, xyz)
+    write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
+    whole, start = [frame.points for frame in open_drive(path)], read_las_header(path).start
+    content = bytearray(path.read_bytes())
+    table = content[start : start + 8]
+    content[start : start + 8] = struct.pack("<q", -1)
+    path.write_bytes(content + table)
+    assert read_las_header(path).points == 2000
+    for points, frame in zip(whole, open_drive(path), strict=True):
+        assert np.array_equal(frame.points, points)
+    for place in (-2, start, len(content) + 1, 2**62):
+        path.write_bytes(content + struct.pack("<q", place))
+        refused(path, f"has a damaged table of chunks: it would lie at byte {place}", ScanError)
 
 
 def test_a_table_of_too_many_chunks_is_refused(tmp_path):
@@ -273,9 +383,11 @@ def test_a_table_of_too_many_chunks_is_refused(tmp_path):
     content = bytearray(path.read_bytes())
     start = struct.unpack_from("<I", content, 96)[0]
     table = struct.unpack_from("<q", content, start)[0]
-    content[table + 4 : table + 8] = struct.pack("<I", 2**32 - 1)
-    path.write_bytes(content)
-    refused(path, "a damaged table of 4294967295 chunks", ScanError)
+    # A chunk has one point of 30 bytes at least.
+    for chunks in (2**32 - 1, len(content) // 30 + 1):
+        content[table + 4 : table + 8] = struct.pack("<I", chunks)
+        path.write_bytes(content)
+        refused(path, f"a damaged table of {chunks} chunks", ScanError)
 
 
 @pytest.mark.parametrize("ending", ["las", "laz"])

@@ -436,6 +436,24 @@ def test_messages_without_chunks_and_chunks_without_index(tmp_path):
             assert np.allclose(drive[nth].pose, moved(nth, 0), rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize(("kind", "reader"), [("ros1", Rosbag1File), ("mcap", McapFile)])
+def test_a_file_that_was_cut_since_lacks_its_last_message(tmp_path, kind, reader):
+    """Not even the start of a message that lacks one byte is given."""
+    path = recording_path(tmp_path, kind)
+    with Recorder(path, kind) as recorder:
+        write_clouds(recorder)
+    path = only_file(path)
+    file = reader(path)
+    entries = file.entries("/points")
+    whole = list(file.read_many(entries))
+    assert [file.read(entry) for entry in entries] == whole
+    content = path.read_bytes()
+    path.write_bytes(content[: content.rindex(whole[-1]) + len(whole[-1]) - 1])
+    assert list(file.read_many(entries, most=20)) == [whole[0][:20], whole[1][:20], None]
+    with pytest.raises(ScanError, match="has a damaged message"):
+        file.read(entries[-1], most=20)
+
+
 def test_a_cut_database_is_told(tmp_path):
     with Recorder(tmp_path / "drive", "sqlite3") as recorder:
         write_clouds(recorder)

@@ -100,3 +100,15 @@ def test_the_fiedler_cut_looks_at_the_largest_part_only():
 def test_the_fiedler_cut_of_two_nodes_separates_them():
     side = fiedler_side(adjacency(np.array([[0, 1]]), np.ones(1), 2))
     assert side.tolist() == [False, True]
+
+
+def test_the_fiedler_cut_of_a_ring_is_one_diameter_each_time():
+    """A ring has no bottleneck: its second eigenvalue is double, and every diameter is a cut."""
+    nodes = np.arange(500)
+    edges, weights = np.column_stack([nodes, np.roll(nodes, -1)]), np.ones(500)
+    matrix = adjacency(edges, weights, 500)
+    side = fiedler_side(matrix)
+    assert cut(edges, weights, side) == 1.0  # half of two edges
+    assert abs(side.sum() - 250) <= 1
+    for _ in range(5):
+        assert np.array_equal(fiedler_side(matrix), side)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from intervis.sight.kernels.batch import (
     BRACKETED,
@@ -168,10 +169,11 @@ def test_an_object_stood_on_its_way_between_two_scans(first_x, last_x, fraction)
         assert not stood_at(there + aside, *objects, fraction)
 
 
-@pytest.mark.parametrize("yaw_deg", [90.0, 200.0])
-def test_the_rule_does_not_depend_on_the_axes_of_the_scene(yaw_deg):
-    c, s = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
-    pose = rigid([[c, -s, 0], [s, c, 0], [0, 0, 1]], [30.0, -20.0, 5.0])
+@pytest.mark.parametrize(("yaw_deg", "roll_deg"), [(90.0, 0.0), (200.0, 0.0), (200.0, 25.0)])
+def test_the_rule_does_not_depend_on_the_axes_of_the_scene(yaw_deg, roll_deg):
+    """The roll is about the way of the sensor, which stays level."""
+    turn = Rotation.from_euler("ZX", [yaw_deg, roll_deg], degrees=True)
+    pose = rigid(turn.as_matrix(), [30.0, -20.0, 5.0])
     objects = (-1.3, -0.7), (2.2, 2.8)
     for x in np.arange(-2.0, 3.5, 0.35):
         for fraction in (0.25, 0.75):

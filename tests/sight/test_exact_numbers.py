@@ -132,3 +132,23 @@ def test_engine_is_the_reference_on_the_bounds(rng, scans, timed):
             assert answers.state[i] == expected.state
             dynamic += bool(reference_samples(packed, a[i], b[i]).occupied.any())
     assert dynamic > 0 or scans == 1
+
+
+def test_a_line_is_occluded_from_the_least_surface_on(rng, monkeypatch):
+    """Exactly as much surface as is asked for is enough, for engine and reference."""
+    packed = world(rng, 3, False)
+    a, b = lines_of(rng, 3, 60)
+    surface = sum_lines(packed, a, b, EXACT).surface
+    occluded = np.flatnonzero(answer_lines(packed, a, b, paired=True, model=EXACT).state == 0)
+    assert len(occluded) > 3
+    for i in occluded[:8]:
+        expected = reference_result(packed, a[i], b[i])
+        for upwards, state in ((False, 0), (True, -1)):
+            least, of_reference = surface[i], expected.surface
+            if upwards:
+                least, of_reference = np.nextafter([least, of_reference], np.inf)
+            parameters = EXACT.parameters._replace(occluded_min_surface=float(least))
+            model = EXACT._replace(parameters=parameters)
+            assert answer_lines(packed, a, b, paired=True, model=model).state[i] == state
+            monkeypatch.setattr(occupancy_model, "OCCLUDED_MIN_SURFACE", of_reference)
+            assert expected.state == state

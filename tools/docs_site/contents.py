@@ -21,6 +21,7 @@ CONTENTS: dict[str, dict[str, str]] = {
         "masks": "Grids and masks",
         "routes": "Routes, sight distance",
         "agents": "Agents",
+        "siting": "Places for scanners",
         "view": "The interactive page",
         "recipes": "Recipes",
     },
@@ -39,7 +40,18 @@ CONTENTS: dict[str, dict[str, str]] = {
 }
 """Captions of the side bar; below each pages of docs/, without ``.md``, and their titles there."""
 
-REFERENCE = ["sight", "drives", "method", "run", "objects", "voxels", "routes", "agents", "errors"]
+REFERENCE = [
+    "sight",
+    "drives",
+    "method",
+    "run",
+    "objects",
+    "voxels",
+    "routes",
+    "agents",
+    "sites",
+    "errors",
+]
 """Pages of docs/reference, below the page ``reference``."""
 
 

@@ -22,6 +22,7 @@ COMMANDS = {
     "route": "intervis.cli.route",
     "sightdistance": "intervis.cli.sight_distance",
     "agents": "intervis.cli.agents",
+    "site": "intervis.cli.site",
     "replay": "intervis.cli.replay",
     "warm": "intervis.cli.warm",
     "evaluate": "intervis.lab.cli.evaluate",

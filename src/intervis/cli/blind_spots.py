@@ -35,6 +35,14 @@ def blindspots(
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE.png|FILE.svg", help="Draw the grid from above.")
     ] = None,
+    steadiness: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B",
+            help="Instead: how much ground changes between blind and visible from each frame to"
+            " the next, and why.",
+        ),
+    ] = None,
     camera: CameraName = None,
 ) -> None:
     """List ground that a place does not see, from one scan.
@@ -43,6 +51,12 @@ def blindspots(
     nearest distance, what could hide in it, and what hides it.
     """
     place = options.place(start, "--from")
+    if steadiness is not None:
+        _show_steadiness(
+            *(source, camera, steadiness, place, reach, cell, height),
+            other=(frame, geojson, grid_file, picture),
+        )
+        return
     options.check_output_files(
         {"--geojson": geojson, "--grid": grid_file, "--picture": picture}, [source]
     )
@@ -91,6 +105,42 @@ def blindspots(
     for name, path in (("Outlines", geojson), ("Grid", grid_file), ("Picture", picture)):
         if path is not None:
             show(f"{name}: {path}")
+
+
+def _show_steadiness(
+    source: Path,
+    camera: str | None,
+    frames: str,
+    place: "str | tuple[float, float, float]",
+    reach_m: float,
+    cell_m: float,
+    height_m: float,
+    other: "tuple[object, ...]",
+) -> None:
+    from intervis.drives import open_drive
+    from intervis.errors import SettingsError
+    from intervis.run.stream import selected_frames
+    from intervis.uses.steadiness import flip_table, flips_of_drive
+
+    if any(option is not None for option in other):
+        raise SettingsError(
+            "--steadiness prints a table: leave out --frame, --geojson, --grid and --picture."
+        )
+    frame_range = options.frame_range(frames)
+    drive = open_drive(source, camera=camera)
+    numbers = selected_frames(drive.frame_numbers, frame_range)
+    viewpoint = point_in_frame(drive[numbers[0]], place, "--from")
+    with progress("frames", len(numbers) - 1) as advance:
+        found = flips_of_drive(
+            *(drive, numbers),
+            viewpoint=viewpoint,
+            reach_m=reach_m,
+            cell_m=cell_m,
+            height_m=height_m,
+            progress=advance,
+        )
+    show(f"{drive.name}, {len(numbers)} frames.")
+    show(flip_table(found, numbers).as_text())
 
 
 def _shares(grid: "VisibilityGrid") -> str:

@@ -1,6 +1,6 @@
 """``intervis run``: the paper's method over a drive, or over one scan."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from intervis.drives import Drive
+    from intervis.run.frame_sight import SightRequest
     from intervis.run.run_folder import Shard
     from intervis.run.stream import RunSummary
     from intervis.run.viewpoint import Viewpoint
@@ -85,6 +86,30 @@ def run(
     settings: SettingsFile = None,
     camera: CameraName = None,
     changes: SettingChanges = None,
+    sight: Annotated[
+        bool,
+        typer.Option(
+            "--sight",
+            help="Also write state and probability of the sight line to every return of each"
+            " frame, by its scan alone.",
+        ),
+    ] = False,
+    sight_from: Annotated[
+        str | None,
+        typer.Option(
+            metavar="viewpoint|next",
+            help="Where these lines start: --viewpoint (default), or the scanner of the next"
+            " frame.",
+        ),
+    ] = None,
+    risk: Annotated[
+        float | None,
+        typer.Option(
+            metavar="R",
+            help="How often visible and occluded of --sight may each be wrong, 0.001 to 0.2;"
+            " default: 0.05.",
+        ),
+    ] = None,
     report: Annotated[
         bool,
         typer.Option(
@@ -127,6 +152,7 @@ def run(
             "settings": options.settings(settings, tau, changes or [], budget),
             "overwrite": overwrite,
             "compress": compress,
+            "sight": _sight_request(sight, sight_from, risk),
         },
         report,
         workers,
@@ -154,6 +180,18 @@ def run(
             complain(f"{source}: {error}")
             failed = True
     return 1 if failed else 0
+
+
+def _sight_request(wanted: bool, start: str | None, risk: float | None) -> "SightRequest | None":
+    from intervis.run.frame_sight import SightRequest
+
+    if not wanted:
+        for option, value in (("--sight-from", start), ("--risk", risk)):
+            if value is not None:
+                raise SettingsError(f"{option} is about the sight lines of --sight: give --sight.")
+        return None
+    given: dict[str, Any] = {"place": start, "risk": risk}
+    return SightRequest(**{name: value for name, value in given.items() if value is not None})
 
 
 def _folders(sources: Sequence[Path], out: Path) -> list[Path]:
@@ -284,6 +322,25 @@ def show_run(summary: "RunSummary") -> None:
     for record in summary.frames:
         if record.remade:
             tell(f"note: frame {record.number} was computed again: {record.remade}")
+    shares = [record.sight for record in summary.frames if record.sight is not None]
+    if shares:
+        show(_sight_line(shares))
     show(f"Results: {summary.out}")
     for failure in summary.failures:
         complain(f"frame {failure.number} failed: {failure.reason}")
+
+
+def _sight_line(shares: "Sequence[Mapping[str, float]]") -> str:
+    """Mean shares of the returns by state, over the frames that have sight lines."""
+    asked = [one for one in shares if one["visible"] == one["visible"]]
+    without = len(shares) - len(asked)
+    text = "Sight lines to every return: "
+    if asked:
+        words = [
+            f"{100 * sum(one[word] for one in asked) / len(asked):.1f} % {word}"
+            for word in asked[0]
+        ]
+        text += f"{', '.join(words)} in the mean over {len(asked)} frames."
+    if without:
+        text += f" {without} without: there is no next frame."
+    return text

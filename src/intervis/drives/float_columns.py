@@ -19,7 +19,7 @@ FEWEST_ROWS = 64
 """Rows below which nothing is concluded."""
 
 TURN_DEG = 3.0
-"""Median change of azimuth between successive returns of a scanner, at most."""
+"""Median change of azimuth between successive returns: that of a scanner is smaller."""
 
 DISTINCT = 0.1
 """Share of the variance that columns must explain beyond those of the usual width."""

@@ -142,11 +142,12 @@ def _check_compression(
     table = int.from_bytes(file.read(8), "little", signed=True)
     if table == -1:  # written at the end of a stream
         file.seek(size - 8)
-        table = int.from_bytes(file.read(8), "little", signed=True)
-    file.seek(max(0, table) + 4)
+        table = int.from_bytes(file.read(), "little", signed=True)
+    if not start < table <= size - 8:
+        raise ScanError(f"{path} has a damaged table of chunks: it would lie at byte {table}.")
+    file.seek(table + 4)
     chunks = int.from_bytes(file.read(4), "little")
-    # The first point of a chunk is not compressed.
-    if not start < table <= size - 8 or chunks * point_bytes > size:
+    if chunks * point_bytes > size:  # the first point of a chunk is not compressed
         raise ScanError(f"{path} has a damaged table of {chunks} chunks.")
 
 

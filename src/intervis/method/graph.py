@@ -81,7 +81,7 @@ def fiedler_side(adjacency_matrix: csr_array) -> BoolArray:
         vector = np.linalg.eigh(matrix.toarray())[1][:, 1]
     else:
         start = np.random.default_rng(0).standard_normal(len(largest))
-        value, vectors = eigsh(matrix, k=2, sigma=-1e-3, which="LM", v0=start)
+        value, vectors = eigsh(matrix, k=2, sigma=-1e-3, v0=start)  # those nearest to sigma
         vector = vectors[:, np.argmax(value)]
     positive = vector > 0
     side[largest] = positive != positive[0]

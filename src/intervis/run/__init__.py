@@ -1,7 +1,17 @@
 """Processing of a drive frame by frame: results on disk, their summary, and the report of a run."""
 
-from intervis.run.frame_file import FrameRecord, load_analysis
+from intervis.run.frame_file import FrameRecord, load_analysis, load_sight
+from intervis.run.frame_sight import FrameSight, SightRequest
 from intervis.run.stream import RunSummary, run_drive
 from intervis.run.stretch import FrameFailure
 
-__all__ = ["FrameFailure", "FrameRecord", "RunSummary", "load_analysis", "run_drive"]
+__all__ = [
+    "FrameFailure",
+    "FrameRecord",
+    "FrameSight",
+    "RunSummary",
+    "SightRequest",
+    "load_analysis",
+    "load_sight",
+    "run_drive",
+]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from intervis.errors import OutputError, SettingsError
 from intervis.files import write_whole
 from intervis.result_table import result_table
+from intervis.run.frame_sight import FrameSight
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ FORMAT = 3
 
 MOST_BYTES = 2**31
 """Bytes that the arrays of a frame may declare in all: more is a damaged file, or a trap."""
+
+SIGHT_ARRAYS = ("viewpoint", "state", "probability")
+"""Arrays of `FrameSight`; in the file their names begin with ``sight_``."""
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -50,6 +54,8 @@ class FrameRecord:
         True where an earlier run had already written the frame.
     remade : str
         Why the file of an earlier run was replaced; empty if it was not.
+    sight : mapping of str to float, or None
+        Shares of the returns by state, if sight lines were asked.
 
     Examples
     --------
@@ -63,6 +69,7 @@ class FrameRecord:
     tau: int | None = None
     reused: bool = False
     remade: str = ""
+    sight: Mapping[str, float] | None = None
 
     def _repr_html_(self) -> str:
         """Measures and times, as a notebook shows them."""
@@ -96,13 +103,19 @@ def frame_path(out: Path, number: int) -> Path:
     return out / "frames" / f"{number:010d}.npz"
 
 
-def frame_fingerprint(frame: "Frame", settings: Settings, viewpoint: str | Sequence[float]) -> str:
+def frame_fingerprint(
+    frame: "Frame",
+    settings: Settings,
+    viewpoint: str | Sequence[float],
+    sight: Sequence[object] = (),
+) -> str:
     """Digest of all that the analysis of a frame depends on, as 32 hexadecimal digits.
 
-    Points, pose, camera, number and time of the frame, the settings and the viewpoint of the run.
+    Points, pose, camera, number and time of the frame, the settings and the viewpoint of the run,
+    and what its sight lines depend on, if they are asked.
     """
     digest = hashlib.blake2b(digest_size=16)
-    run = [FORMAT, settings.model_dump(mode="json"), viewpoint]
+    run = [FORMAT, settings.model_dump(mode="json"), viewpoint, *sight]
     digest.update(json.dumps(run, sort_keys=True, default=str).encode())
     for name, array in {**_arrays_of_frame(frame), "points": frame.points}.items():
         array = np.ascontiguousarray(array)
@@ -157,12 +170,22 @@ def frame_file(
     analysis: "Analysis",
     fingerprint: str,
     *,
+    sight: FrameSight | None = None,
     compress: bool = False,
     remade: str = "",
 ) -> FrameFile:
-    """The file of an analysis, with what is known of its frame except points and image."""
-    record = dataclasses.replace(record_of(frame.number, analysis), remade=remade)
+    """The file of an analysis, with what is known of its frame except points and image.
+
+    With `sight` it holds ``sight_viewpoint``, ``sight_state`` and ``sight_probability``, too.
+    """
+    record = dataclasses.replace(
+        record_of(frame.number, analysis),
+        remade=remade,
+        sight=None if sight is None else sight.shares,
+    )
     arrays = {**_arrays_of_frame(frame), **_arrays_of_analysis(analysis)}
+    if sight is not None:
+        arrays |= {f"sight_{name}": getattr(sight, name) for name in SIGHT_ARRAYS}
     arrays["measure_names"] = np.array(list(record.measures))
     arrays["measures"] = np.array(list(record.measures.values()), dtype=np.float64)
     arrays["time_names"] = np.array(list(record.times_s))
@@ -290,6 +313,31 @@ def load_analysis(path: Path) -> "Analysis":
         raise OutputError(f"{path} is not a frame file of this version of intervis.") from error
 
 
+def load_sight(path: Path) -> FrameSight:
+    """The sight lines in a frame file of a run with ``--sight``.
+
+    Raises
+    ------
+    OutputError
+        As `load_frame`; or the run asked for no sight lines.
+    """
+    sight = _sight(path, load_frame(path))
+    if sight is None:
+        raise OutputError(f"{path} holds no sight lines: run with sight lines (--sight).")
+    return sight
+
+
+def _sight(path: Path, arrays: Arrays) -> FrameSight | None:
+    """The sight lines among the arrays of a frame file; None if it has none."""
+    found = [arrays.get(f"sight_{name}") for name in SIGHT_ARRAYS]
+    viewpoint, state, probability = found
+    if viewpoint is None or state is None or probability is None:
+        return None
+    if viewpoint.shape != (3,) or state.ndim != 1 or state.shape != probability.shape:
+        raise OutputError(f"{path} is damaged: its sight lines do not fit together.")
+    return FrameSight(viewpoint, state, probability)
+
+
 def load_record(path: Path, fingerprint: str | None = None) -> FrameRecord:
     """The record of a frame, read from its frame file.
 
@@ -311,6 +359,9 @@ def _record(path: Path, arrays: Arrays) -> FrameRecord:
         )
         times_s = dict(zip(arrays["time_names"].tolist(), arrays["times_s"].tolist(), strict=True))
         tau = int(arrays["tau"]) if "tau" in arrays else None
-        return FrameRecord(int(arrays["number"]), measures, times_s, tau, reused=True)
+        sight = _sight(path, arrays)
+        shares = None if sight is None else sight.shares
+        number = int(arrays["number"])
+        return FrameRecord(number, measures, times_s, tau, reused=True, sight=shares)
     except (KeyError, TypeError, ValueError) as error:
         raise OutputError(f"{path} is damaged: {error}.") from None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from intervis.errors import DriveError, OutputError, SettingsError
 from intervis.progress import Progress, reporter
 from intervis.run.frame_file import FrameRecord
+from intervis.run.frame_sight import SightRequest
 from intervis.run.pace import Pace, budget_kept
 from intervis.run.run_folder import Shard, finish, run_folder
 from intervis.run.stretch import (
@@ -87,6 +88,7 @@ def run_drive(
     progress: Progress | None = None,
     overwrite: bool = False,
     compress: bool = False,
+    sight: SightRequest | None = None,
     executor: Executor | None = None,
     shard: Shard | None = None,
 ) -> RunSummary:
@@ -120,6 +122,10 @@ def run_drive(
     compress : bool
         Deflate the frame files: less than half as large, but writing one of 20,000 nodes takes
         about seven times as long.
+    sight : SightRequest, optional
+        Also ask sight lines to every return of each frame, by the scan of that frame alone, and
+        write their states and probabilities into the frame's file (`load_sight`). An earlier run
+        without them, or with others, is another run.
     executor : concurrent.futures.Executor, optional
         Analyses stretches of 16 frames side by side; its workers write the files. The results are
         those of a run without it. With ``tau="auto"`` the frames depend on each other and are one
@@ -136,7 +142,8 @@ def run_drive(
         executor were lost, or `out` holds a run with other settings or input, or files that
         intervis did not make. Complete files stay, and the same call resumes from them.
     DriveError
-        No frame lies in the range, or ``viewpoint="start"`` and the drive has no poses.
+        No frame lies in the range, or ``viewpoint="start"`` or sight lines from the next place
+        are asked and the drive has no poses.
     SettingsError, PointsError
         A setting, the viewpoint or the shard is invalid.
     MissingExtraError
@@ -146,8 +153,10 @@ def run_drive(
     numbers = selected_frames(drive.frame_numbers, frames)
     _check_shard(shard, overwrite=overwrite)
     origin = MetaViewpoint(drive, viewpoint)
-    head = describe(drive, settings, origin.requested)
-    stretches = stretches_of(Stretch(drive, numbers, out, settings, origin, compress))
+    if sight is not None:
+        sight.check(drive)
+    head = describe(drive, settings, origin.requested, sight)
+    stretches = stretches_of(Stretch(drive, numbers, out, settings, origin, compress, sight))
     if shard is not None:
         stretches = stretches[shard[0] - 1 :: shard[1]]
     with run_folder(out, head, settings, shard=shard, overwrite=overwrite):

@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from intervis.errors import IntervisError, MissingExtraError, OutputError, SettingsError
 from intervis.kernels import thread_count
 from intervis.method.analysis import Analysis, analyze
@@ -25,6 +27,7 @@ from intervis.run.frame_file import (
     frame_path,
     load_record,
 )
+from intervis.run.frame_sight import FrameSight, SightRequest, sight_of_scan
 from intervis.run.viewpoint import MetaViewpoint
 from intervis.settings import Settings
 
@@ -66,6 +69,8 @@ class Stretch:
         P0 of the frames.
     compress : bool
         Deflate the frame files.
+    sight : SightRequest or None
+        Sight lines to ask in every frame.
     """
 
     drive: "Drive"
@@ -74,6 +79,7 @@ class Stretch:
     settings: Settings
     viewpoint: MetaViewpoint
     compress: bool = False
+    sight: SightRequest | None = None
 
 
 def stretches_of(whole: Stretch, frames: int = FRAMES) -> list[Stretch]:
@@ -179,7 +185,7 @@ class _Ahead:
 def _read(stretch: Stretch, number: int) -> _ReadFrame:
     """Read a frame, and what an earlier run left of it."""
     frame = stretch.drive[number]
-    fingerprint = frame_fingerprint(frame, stretch.settings, stretch.viewpoint.requested)
+    fingerprint = _fingerprint(frame, stretch)
     path = frame_path(stretch.out, number)
     return _ReadFrame(frame, fingerprint, *_record_of_earlier_run(path, fingerprint))
 
@@ -204,11 +210,13 @@ class _Analyst:
             if not self._compiled:  # compile the kernels that these frames need before timing
                 self._analyze(read.frame)
                 self._compiled = True
+            analysis = self._analyze(read.frame)
             file = frame_file(
                 frame_path(self._stretch.out, number),
                 read.frame,
-                self._analyze(read.frame),
+                analysis,
                 read.fingerprint,
+                sight=_sight(read.frame, self._stretch, analysis),
                 compress=self._stretch.compress,
                 remade=read.remade,
             )
@@ -238,6 +246,24 @@ class _Analyst:
             self._granularity.learn(
                 int(record.measures["n_fov"]), record.tau, 1e3 * record.times_s["total"]
             )
+
+
+def _sight(frame: "Frame", stretch: Stretch, analysis: Analysis) -> FrameSight | None:
+    if stretch.sight is None:
+        return None
+    start = stretch.sight.start(stretch.drive, frame, analysis.viewpoint)
+    return sight_of_scan(frame.points, start, stretch.sight.risk)
+
+
+def _fingerprint(frame: "Frame", stretch: Stretch) -> str:
+    """Digest of the frame and the run; sight lines from the next place depend on its pose."""
+    asked: list[object] = []
+    if stretch.sight is not None:
+        asked.append(stretch.sight.described())
+        if stretch.sight.place == "next":
+            start = stretch.sight.start(stretch.drive, frame, np.zeros(3))
+            asked.append(None if start is None else start.tolist())
+    return frame_fingerprint(frame, stretch.settings, stretch.viewpoint.requested, asked)
 
 
 def _record_of_earlier_run(path: Path, fingerprint: str) -> tuple[FrameRecord | None, str]:

@@ -15,6 +15,7 @@ import intervis
 from intervis.errors import OutputError
 from intervis.output_folder import is_marked
 from intervis.run.frame_file import FrameRecord
+from intervis.run.frame_sight import SightRequest
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -22,16 +23,22 @@ if TYPE_CHECKING:
 
 Content = dict[str, Any]
 
-COMPARED = ("intervis", "viewpoint", "settings", "input")
+COMPARED = ("intervis", "viewpoint", "settings", "sight", "input")
 """What must be equal in two runs for the second to resume the first."""
 
 
-def describe(drive: "Drive", settings: Settings, viewpoint: str | list[float]) -> Content:
-    """Program version, requested viewpoint, settings and input of a run."""
+def describe(
+    drive: "Drive",
+    settings: Settings,
+    viewpoint: str | list[float],
+    sight: SightRequest | None = None,
+) -> Content:
+    """Program version, requested viewpoint, settings, sight lines and input of a run."""
     head = {
         "intervis": intervis.__version__,
         "viewpoint": viewpoint,
         "settings": settings.model_dump(mode="json"),
+        **({} if sight is None else {"sight": sight.described()}),
         "input": drive.fingerprint(),
     }
     # In the form in which it is read back: paths become text and tuples become lists.
@@ -103,11 +110,19 @@ def summarize(
                 "tau": record.tau,
                 "measures": {name: _json_number(v) for name, v in record.measures.items()},
                 "times_s": {name: _json_number(v) for name, v in record.times_s.items()},
+                **_sight_shares(record),
             }
             for record in records
         ],
         "failures": [{"number": number, "reason": reason} for number, reason in failures],
     }
+
+
+def _sight_shares(record: FrameRecord) -> Content:
+    """Shares of the returns of a frame by state, if sight lines were asked."""
+    if record.sight is None:
+        return {}
+    return {"sight": {name: _json_number(share) for name, share in record.sight.items()}}
 
 
 def same_results(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> bool:

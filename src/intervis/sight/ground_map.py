@@ -8,7 +8,7 @@ assumption for the prior alone: the height of the nearest known cell, marked by 
 
 import numpy as np
 
-from intervis.arrays import LARGEST_M, Float32Array, Float64Array, IntArray
+from intervis.arrays import LARGEST_M, BoolArray, Float32Array, Float64Array, IntArray
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.kernels.terrain import (
     ASSUMED_OFFSET_M,
@@ -84,19 +84,46 @@ def nearest_scans(scans: PackedScans, xy: Float64Array) -> IntArray:
     return np.asarray(to_scans.argmin(axis=1))
 
 
-def ground_height(scans: PackedScans, xy: Float64Array) -> Float64Array:
-    """Height (N,) of the ground below points (N, 2) of the scene, by the nearest scan; metres.
+def ground_height(scans: PackedScans, xy: Float64Array, count: int = 1) -> Float64Array:
+    """Height (N,) of the ground below points (N, 2) of the scene, metres.
 
-    Where that scan does not show the ground, that of the nearest cell where it does; NaN if it
-    shows none, or the point is not finite or farther than 1e9 m.
+    With a count of 1 that of the nearest scan. Where this scan does not show the ground, that of
+    the nearest cell where it does; NaN if it shows none, or the point is not finite or farther
+    than 1e9 m. With a larger count the median of so many nearest scans that show the ground there,
+    so that ghosts below the ground in one scan do not matter; as with 1 where none shows it.
     """
     finite = np.asarray((np.abs(xy) <= LARGEST_M).all(axis=1))
     xy = np.where(finite[:, None], xy, 0.0)
-    nearest = nearest_scans(scans, xy)
-    from_sensor = xy - scans.position[nearest, :2]
-    cell = np.floor((from_sensor + BORDER_M) / CELL_M) + CELLS // 2
+    height_m, _ = _height_by(scans, xy, nearest_scans(scans, xy))
+    if count > 1:
+        shown_m = _shown_heights(scans, xy, count)
+        several = np.isfinite(shown_m).any(axis=1)
+        height_m[several] = np.nanmedian(shown_m[several], axis=1)
+    return np.where(finite, height_m, np.nan)
+
+
+def _height_by(
+    scans: PackedScans, xy: Float64Array, nth: IntArray
+) -> tuple[Float64Array, BoolArray]:
+    """Height (N,) of the ground by one scan for each point, and whether it is assumed there."""
+    cell = np.floor((xy - scans.position[nth, :2] + BORDER_M) / CELL_M) + CELLS // 2
+    inside = ((cell >= 0) & (cell < CELLS)).all(axis=1)
     a, b = np.clip(cell, 0, CELLS - 1).astype(np.int64).T
-    ground_m = scans.ground[nearest, a, b].astype(np.float64)
+    ground_m = scans.ground[nth, a, b].astype(np.float64)
     assumed = ground_m < -0.5 * ASSUMED_OFFSET_M
     ground_m += np.where(assumed, ASSUMED_OFFSET_M, 0.0)
-    return np.where(finite, scans.position[nearest, 2] + ground_m, np.nan)
+    return scans.position[nth, 2] + ground_m, assumed | ~inside
+
+
+def _shown_heights(scans: PackedScans, xy: Float64Array, count: int) -> Float64Array:
+    """(N, count) heights by the nearest scans that show the ground; NaN where fewer do."""
+    to_scans = np.linalg.norm(xy[:, None] - scans.position[None, :, :2], axis=2)
+    order = np.argsort(to_scans, axis=1, kind="stable")
+    found, known = np.full((len(xy), count), np.nan), np.zeros(len(xy), np.int64)
+    for rank in range(order.shape[1]):
+        open_rows = np.flatnonzero(known < count)
+        height_m, assumed = _height_by(scans, xy[open_rows], order[open_rows, rank])
+        shown = open_rows[~assumed & np.isfinite(height_m)]
+        found[shown, known[shown]] = height_m[~assumed & np.isfinite(height_m)]
+        known[shown] += 1
+    return found

@@ -368,11 +368,18 @@ class Scene:
         sight = self.sight(start, surface.points, risk=risk, moment_s=moment_s)
         return box_sight(start, surface, sight, len(sizes))
 
-    def ground_height(self, xy: ArrayLike) -> Float64Array:
+    def ground_height(self, xy: ArrayLike, scans: int = 1) -> Float64Array:
         """Height (N,) of the ground below points (N, 2), scene frame, metres.
 
         From the scan that is nearest to each point. Where it does not show the ground, that of the
         nearest square metre where it does; NaN if it shows none, or for a point that is not finite.
+
+        Parameters
+        ----------
+        xy : (N, 2) array
+        scans : int
+            More than 1: the median of so many nearest scans that show the ground at the point,
+            if any does.
 
         Raises
         ------
@@ -391,7 +398,7 @@ class Scene:
         points = numbers_of(xy, "xy")
         if points.ndim != 2 or points.shape[1] != 2:
             raise PointsError(f"xy must have the shape (N, 2), got {points.shape}.")
-        return ground_height(self.packed_scans(), points)
+        return ground_height(self.packed_scans(), points, scans)
 
     def unobserved_length(
         self, viewpoint: ArrayLike, target: ArrayLike, *, moment_s: float | None = None

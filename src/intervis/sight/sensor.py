@@ -237,7 +237,7 @@ def _beam_count(elevation_deg: FloatArray, lowest: float, highest: float, spacin
     Without clear peaks (beams with different origins, as in a calibrated HDL-64E) the beams have
     the spacing between neighbouring returns.
     """
-    bins = max(8, int((highest - lowest) / 0.05))
+    bins = max(1, int((highest - lowest) / 0.05))
     count, _ = np.histogram(elevation_deg, bins=bins, range=(lowest - 0.025, highest + 0.025))
     full = count > 0.5 * count.mean()
     starts = int((full[1:] & ~full[:-1]).sum() + full[0])

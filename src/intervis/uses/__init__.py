@@ -1,4 +1,4 @@
-"""What follows from sight lines: objects, grids, masks, blind spots, routes, agents, files."""
+"""What follows from sight: objects, grids, masks, blind spots, routes, agents, sites, files."""
 
 from intervis.uses.agents.mutual_sight import Agent, MutualSight, mutual_sight
 from intervis.uses.answer_file import save_answers
@@ -11,6 +11,11 @@ from intervis.uses.routes.sight_distance import SightDistances, sight_distances
 from intervis.uses.routes.sight_standard import AASHTO, AUSTROADS, DMRB, SightStandard
 from intervis.uses.routes.survey import Survey, route_on_road, survey_of
 from intervis.uses.routes.zone import Zone
+from intervis.uses.sites.candidate import Candidate, candidates_along, candidates_within
+from intervis.uses.sites.coverage import Coverage, coverage
+from intervis.uses.sites.demand import Demand, demand_of_points, demand_of_zones, weighted_by_users
+from intervis.uses.sites.reach import Reach
+from intervis.uses.sites.siting import Siting, best_sites, choose_sites
 from intervis.uses.visibility_grid import VisibilityGrid, visibility_grid
 from intervis.uses.voxels.bev_grid import BevGrid, bev_grid
 from intervis.uses.voxels.carving import CarvedGrid, Carver
@@ -25,23 +30,35 @@ __all__ = [
     "Agent",
     "BevGrid",
     "BlindSpot",
+    "Candidate",
     "CarvedGrid",
     "Carver",
+    "Coverage",
+    "Demand",
     "MaskSettings",
     "Masks",
     "MutualSight",
     "ObjectSight",
     "PosedScan",
+    "Reach",
     "Route",
     "RouteAnswer",
     "SightDistances",
     "SightStandard",
+    "Siting",
     "Survey",
     "VisibilityGrid",
     "VoxelGrid",
     "Zone",
+    "best_sites",
     "bev_grid",
     "blind_spots",
+    "candidates_along",
+    "candidates_within",
+    "choose_sites",
+    "coverage",
+    "demand_of_points",
+    "demand_of_zones",
     "frame_masks",
     "masks_of",
     "mutual_sight",
@@ -54,5 +71,6 @@ __all__ = [
     "survey_of",
     "targets_along",
     "visibility_grid",
+    "weighted_by_users",
     "zones_along",
 ]

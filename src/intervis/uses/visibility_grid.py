@@ -147,7 +147,7 @@ def visibility_grid(
         sight.probability.reshape(shape),
         sight.blocker.reshape((*shape, 3)),
         ground_m.reshape(shape),
-        _obstacles(returns, scene, corner, cell_m, count),
+        obstacle_cells(returns, scene, corner, cell_m, count),
     )
 
 
@@ -164,7 +164,7 @@ def _near_ground(scene: Scene, xy: Float64Array) -> BoolArray:
     return near
 
 
-def _obstacles(
+def obstacle_cells(
     returns: FloatArray, scene: Scene, corner: Float64Array, cell_m: float, count: int
 ) -> BoolArray:
     """Cells (I, J) that hold returns at heights of obstacles."""

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from intervis.arrays import LARGEST_M, Float64Array
+from intervis.arrays import Float64Array
 from intervis.drives import Drive
-from intervis.drives.calibration import read_lines
 from intervis.errors import CalibrationError, DriveError, PointsError
 from intervis.sight import Scene
 from intervis.transform import rigid
 from intervis.uses.agents.mutual_sight import Agent
 from intervis.uses.routes.survey import distance_to_scans
-from intervis.uses.routes.target_file import FARTHEST_M, csv_rows
+from intervis.uses.routes.target_file import FARTHEST_M, cell_number, read_rows
 
 COLUMNS = (
     *("name", "x", "y", "z", "height", "yaw_deg", "fov_deg", "range_m", "frame"),
@@ -46,10 +45,7 @@ def read_agents(path: Path, scene: Scene) -> list[Agent]:
     """
     if not path.exists():
         raise DriveError(f"there are no agents at {path}: check the path.")
-    lines = [line for line in read_lines(path) if line.strip()]
-    rows = csv_rows(path, lines)
-    if any(None in row for row in rows):
-        raise CalibrationError(f"{path}: a row has more values than the heading.")
+    rows = read_rows(path)
     heads = set(rows[0]) if rows else set()
     if not {"name", "x", "y"} <= heads or not heads <= set(COLUMNS):
         raise CalibrationError(
@@ -58,24 +54,9 @@ def read_agents(path: Path, scene: Scene) -> list[Agent]:
         )
     by_name: dict[str, list[dict[str, float | None]]] = {}
     for nth, row in enumerate(rows, start=1):
-        values = {key: _number(path, nth, key, row[key]) for key in heads - {"name"}}
+        values = {key: cell_number(path, f"agent {nth}", key, row[key]) for key in heads - {"name"}}
         by_name.setdefault((row["name"] or "").strip(), []).append(values)
     return [_agent(name, values, scene) for name, values in by_name.items()]
-
-
-def _number(path: Path, nth: int, key: str, text: str | None) -> float | None:
-    """A value of a row; None where the cell is empty."""
-    if text is None or not text.strip():
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= LARGEST_M:  # nor is NaN
-        raise CalibrationError(
-            f"{path}, agent {nth}: {key} must be a number up to {LARGEST_M:g}, got {text[:40]!r}."
-        )
-    return value
 
 
 def _agent(name: str, rows: Sequence[dict[str, float | None]], scene: Scene) -> Agent:

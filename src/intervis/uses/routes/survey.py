@@ -104,7 +104,7 @@ def survey_of(
     object_of(route, Route, "route")
     if numbers is not None:
         numbers = whole_numbers_of(numbers, "numbers")
-    chosen = _spaced(drive, list(drive.frame_numbers if numbers is None else numbers), spacing_m)
+    chosen = spaced(drive, list(drive.frame_numbers if numbers is None else numbers), spacing_m)
     road = RoadSurface(route)
     scene = scene_of_drive(
         drive,
@@ -144,13 +144,13 @@ def scene_of_drive(
     DriveError, SceneError
         As `survey_of`.
     """
-    chosen = _spaced(drive, list(numbers), 0.0)
+    chosen = spaced(drive, list(numbers), 0.0)
     time_s = frame_times_s(drive, chosen, scans_per_s)
     scene = Scene(sensor=sensor, max_scans=len(chosen), max_bytes=max_bytes)
     report = reporter(progress)
     for nth, number in enumerate(chosen):
         frame = drive[number]
-        assert frame.pose is not None  # as _spaced has checked
+        assert frame.pose is not None  # as spaced has checked
         scene.add(frame.points, frame.pose, None if time_s is None else float(time_s[nth]))
         if nth == 0:
             _check_memory(scene.bytes * len(chosen), len(chosen), max_bytes)
@@ -166,7 +166,7 @@ def has_times(scene: Scene) -> bool:
     return not bool(np.isnan(scene.timestamps_s).any())
 
 
-def _spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
+def spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
     """Numbers of the frames that lie a distance apart along the drive."""
     spacing_m = finite_number("the spacing of scans", spacing_m, "metres")
     if spacing_m < 0.0:

@@ -38,28 +38,55 @@ def read_targets(path: Path) -> tuple[list[str], Float64Array]:
         scan = read_scan(path).points
         places = scan[finite_rows(scan), :3].astype(np.float64)
         return [str(nth) for nth in range(1, len(places) + 1)], places
-    lines = [line for line in read_lines(path) if line.strip()]
-    rows = csv_rows(path, lines)
+    rows = read_rows(path)
     if not rows or not {"x", "y", "z"} <= set(rows[0]):
         raise CalibrationError(f"{path}: targets need a heading with x, y, z, and rows below it.")
-    if any(None in row for row in rows):
-        raise CalibrationError(f"{path}: a row has more values than the heading.")
     names = [row.get("name") or str(nth) for nth, row in enumerate(rows, start=1)]
     return names, np.array([_place(path, nth, row) for nth, row in enumerate(rows, start=1)])
 
 
-def csv_rows(path: Path, lines: list[str]) -> list[dict[str, str]]:
-    """Rows of a CSV by the names of its heading.
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file by the names of its heading; empty lines are left out.
 
     Raises
     ------
     CalibrationError
-        The lines do not parse.
+        The file does not parse, or a row has more values than the heading.
     """
+    lines = [line for line in read_lines(path) if line.strip()]
     try:
-        return list(csv.DictReader(lines, skipinitialspace=True))
+        rows = list(csv.DictReader(lines, skipinitialspace=True))
     except csv.Error as error:
         raise CalibrationError(f"{path} does not parse as CSV ({error}).") from None
+    if any(None in row for row in rows):
+        raise CalibrationError(f"{path}: a row has more values than the heading.")
+    return rows
+
+
+def cell_number(path: Path, row: str, column: str, text: object) -> float | None:
+    """A number of a row; None where the cell is empty.
+
+    Raises
+    ------
+    CalibrationError
+        It is no number, not finite, or larger than `LARGEST_M`; the message names file, row and
+        column.
+
+    Examples
+    --------
+    >>> cell_number(Path("a.csv"), "agent 1", "yaw_deg", " 90"), cell_number(Path(), "", "", "")
+    (90.0, None)
+    """
+    if text is None or (isinstance(text, str) and not text.strip()):
+        return None
+    try:
+        is_number = isinstance(text, str | int | float) and not isinstance(text, bool)
+        value = float(text) if is_number else math.nan  # type: ignore[arg-type]
+    except (ValueError, OverflowError):
+        value = math.nan
+    if not abs(value) <= LARGEST_M:  # nor is NaN
+        raise CalibrationError(f"{path}, {row}: {column} must be a number, got {str(text)[:40]!r}.")
+    return value
 
 
 def _place(path: Path, nth: int, row: dict[str, str]) -> list[float]:

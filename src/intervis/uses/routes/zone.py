@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from intervis.arguments import object_of, shown
 from intervis.arrays import BoolArray, Float64Array, numbers_of
 from intervis.drives.calibration import read_lines
-from intervis.errors import DriveError, PointsError
+from intervis.errors import DriveError, PointsError, SettingsError
 from intervis.sight import Scene
 
 SAMPLES = 400
@@ -21,9 +21,12 @@ LEAST_SPACING_M = 0.25
 """Distance of the points of a small zone."""
 LEVELS = 3
 """Heights at which points are placed, from the lower to the upper height."""
-MOST_CORNERS, FARTHEST_M = 500, 1e7
+MOST_CORNERS, FARTHEST_M, LARGEST_WEIGHT = 500, 1e7, 1e9
 MOST_CELLS = 1_000_000
 """Cells of the rectangle around a zone that are looked at, to sample it."""
+
+GROUND_SCANS = 5
+"""Where the cells are given, the ground is the median of so many scans."""
 
 LEAST_AREA_M2 = 1e-4
 DEFAULT_HEIGHTS_M = (0.2, 2.0)
@@ -40,12 +43,15 @@ class Zone:
         In order, without the first one again at the end; scene frame, metres.
     low_m, high_m : float
         Heights above the ground.
+    weight : float
+        How much a square metre counts beside those of other zones, where that is asked.
 
     Raises
     ------
     PointsError
         Fewer than three corners or more than 500, corners that are not finite or beyond
-        10,000 km, edges that cross, no area, or heights that are not in order.
+        10,000 km, edges that cross, no area, heights that are not in order, or a weight that is
+        negative.
 
     Examples
     --------
@@ -58,6 +64,7 @@ class Zone:
     corners: Float64Array
     low_m: float = DEFAULT_HEIGHTS_M[0]
     high_m: float = DEFAULT_HEIGHTS_M[1]
+    weight: float = 1.0
 
     def __init__(
         self,
@@ -65,6 +72,7 @@ class Zone:
         corners: ArrayLike,
         low_m: float = DEFAULT_HEIGHTS_M[0],
         high_m: float = DEFAULT_HEIGHTS_M[1],
+        weight: float = 1.0,
     ) -> None:
         object_of(name, str, "the name of a zone")
         ring = np.atleast_1d(numbers_of(corners, f"the corners of zone {shown(name)}"))
@@ -85,10 +93,17 @@ class Zone:
                 f"zone {shown(name)} needs a lower and an upper height, got {shown(low_m)}"
                 f" and {shown(high_m)}."
             )
+        share = numbers_of(weight, f"the weight of zone {shown(name)}")
+        if share.ndim or not 0.0 <= share <= LARGEST_WEIGHT:  # nor is NaN
+            raise PointsError(
+                f"the weight of zone {shown(name)} must be from 0 to {LARGEST_WEIGHT:g}, got"
+                f" {shown(weight)}."
+            )
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "corners", ring)
         object.__setattr__(self, "low_m", float(low_m))
         object.__setattr__(self, "high_m", float(high_m))
+        object.__setattr__(self, "weight", float(weight))
         crossing = _crossing_edges(ring)
         if crossing is not None:
             raise PointsError(
@@ -117,33 +132,61 @@ class Zone:
                 inside[spans] ^= xy[spans, 0] < x0 + height * (x1 - x0)
         return inside
 
-    def samples(self, scene: Scene) -> Float64Array:
+    def samples(self, scene: Scene, cell_m: float | None = None) -> Float64Array:
         """(N, 3) points of the zone, scene frame: cells of equal area at `LEVELS` heights.
 
-        Heights count from the ground of the scene. NaN where it shows no ground.
+        Heights count from the ground of the scene. NaN where it shows no ground. `cell_m` is the
+        edge of the cells; None: so that there are some `SAMPLES` points. With it the ground is the
+        median of `GROUND_SCANS` scans, otherwise that of the nearest scan.
+
+        Raises
+        ------
+        SettingsError
+            As `cells`.
         """
         object_of(scene, Scene, "scene")
-        xy = self._cells()
+        xy = self._cells() if cell_m is None else self.cells(cell_m)
         levels_m = np.linspace(self.low_m, self.high_m, LEVELS if self.high_m > self.low_m else 1)
-        ground_m = scene.ground_height(xy)
+        ground_m = scene.ground_height(xy, 1 if cell_m is None else GROUND_SCANS)
         heights = (ground_m[:, None] + levels_m).ravel()
         return np.column_stack([np.repeat(xy, len(levels_m), axis=0), heights])
+
+    def cells(self, cell_m: float) -> Float64Array:
+        """(N, 2) middles of cells of an edge of `cell_m` or less; at least one point.
+
+        Raises
+        ------
+        SettingsError
+            There are too many cells in the rectangle around the zone.
+        """
+        middles = self._middles(cell_m)
+        if middles is None:
+            raise SettingsError(
+                f"zone {self.name!r} has too many cells of {cell_m:g} m: take larger cells, or cut"
+                " the zone into parts."
+            )
+        return middles if len(middles) else self._inner_point()
 
     def _cells(self) -> Float64Array:
         """(N, 2) middles of square cells inside; at least one point."""
         spacing_m = max(LEAST_SPACING_M, math.sqrt(self.area_m2 * LEVELS / SAMPLES))
-        low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         while True:
-            count = np.maximum(np.ceil((high - low) / spacing_m).astype(np.int64), 1)
-            if count.prod() > MOST_CELLS:  # a thin zone between the middles of all cells
+            middles = self._middles(spacing_m)
+            if middles is None:  # a thin zone between the middles of all cells
                 return self._inner_point()
-            step = (high - low) / count
-            i, j = np.indices(count).reshape(2, -1)
-            middles = low + (np.column_stack([i, j]) + 0.5) * step
-            inside = middles[self.contains(middles)]
-            if len(inside):
-                return np.asarray(inside)
+            if len(middles):
+                return middles
             spacing_m /= 2.0
+
+    def _middles(self, spacing_m: float) -> Float64Array | None:
+        """(N, 2) middles of the cells that lie inside; None if there are too many to look at."""
+        low, high = self.corners.min(axis=0), self.corners.max(axis=0)
+        count = np.maximum(np.ceil((high - low) / spacing_m), 1.0)
+        if count.prod() > MOST_CELLS:
+            return None
+        i, j = np.indices(count.astype(np.int64)).reshape(2, -1)
+        middles = low + (np.column_stack([i, j]) + 0.5) * ((high - low) / count)
+        return np.asarray(middles[self.contains(middles)])
 
     def _inner_point(self) -> Float64Array:
         """(1, 2) a point inside: between two edges, half way up the widest gap of heights."""
@@ -203,9 +246,9 @@ def _folds_back(ring: Float64Array, a: int, b: int) -> bool:
 
 
 def read_zones(path: Path) -> list[Zone]:
-    """Zones of a GeoJSON file: polygons with the properties ``name``, ``low_m`` and ``high_m``.
+    """Zones of a GeoJSON file: polygons, with coordinates in metres in the scene's frame.
 
-    Coordinates are metres in the scene's frame.
+    Their properties may be ``name``, ``low_m``, ``high_m`` and ``weight``.
 
     Raises
     ------
@@ -239,8 +282,9 @@ def _zone(path: Path, nth: int, feature: Any) -> Zone:
             float(properties.get(key, value))
             for key, value in zip(("low_m", "high_m"), DEFAULT_HEIGHTS_M, strict=True)
         )
+        weight = float(properties.get("weight", 1.0))
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError):
         raise wrong from None
     if len(rings) > 1:
         raise PointsError(f"zone {shown(name)} has holes: cut it into polygons without any.")
-    return Zone(name, corners, low_m, high_m)
+    return Zone(name, corners, low_m, high_m, weight)

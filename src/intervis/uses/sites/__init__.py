@@ -1,0 +1,1 @@
+"""Siting: where to put roadside scanners or cameras so that they see what matters."""
