@@ -3,14 +3,15 @@
 import html
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import Float32Array, checked_point, checked_points
+from intervis.arguments import flag_of, is_count, objects_of, shown, whole_numbers_of
+from intervis.arrays import Float32Array, checked_place, checked_points
 from intervis.drives import Drive, Frame
-from intervis.errors import PointsError, SettingsError
+from intervis.errors import ArgumentError, PointsError, SettingsError
 from intervis.sight import Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.view.frame_data import frame_data
@@ -155,13 +156,20 @@ def show(
     >>> show(Scene.from_scan(wall), wall, viewpoint=[0, 2, 0])
     <NotebookPage: 0.1 MB>
     """
+    is_live = flag_of(is_live, "is_live")
+    if not is_count(height_px):
+        raise SettingsError(f"height_px must be 1 or more, got {shown(height_px)}.")
+    if not isinstance(source, Drive | Frame | Scene):
+        raise ArgumentError(f"source must be a Drive, a Frame or a Scene, got {shown(source)}.")
+    if frames is not None:
+        frames = whole_numbers_of(frames, "frames")
     if (points is None) == isinstance(source, Scene):
         raise PointsError("show takes points with a scene, and only with a scene.")
     if is_live:
         require_anywidget()
     request = ViewRequest(
         viewpoint=_viewpoint(source, viewpoint),
-        ends=[_place(end) for end in ends],
+        ends=[_place(end) for end in cast(list[ArrayLike], objects_of(ends, object, "ends"))],
         risk=risk,
         most_frames=most_frames,
         most_returns=most_returns,
@@ -219,7 +227,7 @@ def _viewpoint(source: Drive | Frame | Scene, viewpoint: ArrayLike | str | None)
     if isinstance(viewpoint, str):
         if viewpoint not in NAMED_PLACES or isinstance(source, Scene):
             names = "X, Y, Z" if isinstance(source, Scene) else "camera, sensor, or X, Y, Z"
-            raise PointsError(f"viewpoint must be {names} in metres, got {viewpoint!r}.")
+            raise PointsError(f"viewpoint must be {names} in metres, got {shown(viewpoint)}.")
         return viewpoint
     if viewpoint is not None:
         return _place(viewpoint)
@@ -231,7 +239,7 @@ def _viewpoint(source: Drive | Frame | Scene, viewpoint: ArrayLike | str | None)
 
 
 def _place(point: ArrayLike) -> tuple[float, float, float]:
-    x, y, z = checked_point(point, "a place").tolist()
+    x, y, z = checked_place(point, "a place").tolist()
     return x, y, z
 
 
