@@ -69,14 +69,28 @@ def heights(text: str | None, option: str) -> tuple[float, ...] | None:
     >>> heights("1.05,2", "--eye")
     (1.05, 2.0)
     """
-    if text is None:
-        return None
+    return None if text is None else numbers(text, option, "heights in metres, as 1.08 or 1.05,2")
+
+
+def numbers(text: str, option: str, what: str) -> tuple[float, ...]:
+    """One or more numbers from ``N`` or ``N,N``; ``what`` says in the error what they are.
+
+    Raises
+    ------
+    SettingsError
+        The text is not one or more finite numbers.
+
+    Examples
+    --------
+    >>> numbers("-6.5,5", "--offset", "metres to the left")
+    (-6.5, 5.0)
+    """
     try:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = (math.nan,)
     if not all(map(math.isfinite, values)):
-        raise SettingsError(f"{option} must be heights in metres, as 1.08 or 1.05,2, got {text!r}.")
+        raise SettingsError(f"{option} must be {what}, got {text!r}.")
     return values
 
 

@@ -22,18 +22,14 @@ if TYPE_CHECKING:
     from intervis.run.stream import RunSummary
     from intervis.run.viewpoint import Viewpoint
 
-Source = Annotated[
-    Path,
-    typer.Argument(
-        help="A drive (KITTI raw, odometry, object; a folder of scans) or one scan file."
-    ),
-]
+LAYOUTS = "KITTI, nuScenes, Argoverse 2, ROS bag, folder of scans, ...: docs/drives.md"
+Source = Annotated[Path, typer.Argument(help=f"A drive ({LAYOUTS}) or one scan file.")]
 Sources = Annotated[
     list[Path],
     typer.Argument(
         metavar="SOURCE...",
-        help="Drives (KITTI raw, odometry, object; a folder of scans) or scan files. The results of"
-        " several stand in folders of their own names below --out.",
+        help=f"Drives ({LAYOUTS}) or scan files. The results of several stand in folders of their"
+        " own names below --out.",
     ),
 ]
 CameraName = Annotated[
