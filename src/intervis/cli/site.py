@@ -141,8 +141,9 @@ def site(
 ) -> None:
     """Choose places for roadside scanners or cameras.
 
-    Of all candidates it takes those that together see the most of the zones. Prints what each place and all together see, do not see and may see, the returns to expect on
-    an object, and how far the choice may be from the best one.
+    Of all candidates it takes those that together see the most of the zones. Prints what each
+    place and all together see, do not see and may see, the returns to expect on an object, and
+    how far the choice may be from the best one.
     """
     from intervis.errors import SettingsError
 
