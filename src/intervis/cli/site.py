@@ -308,9 +308,10 @@ def _show(found: "Siting", drive: "Drive", scans: int) -> None:
     covered = found.coverage
     sensor, size_m = covered.reach.sensor, covered.reach.size_m
     things = {size: name for name, size in OBJECTS.items()}
+    counts = {"scan": scans, "candidate": len(covered.candidates), "target": len(found.state)}
+    parts = [f"{count:,} {what}{'s' if count != 1 else ''}" for what, count in counts.items()]
     show(
-        f"{drive.name}, {scans} scans; {len(covered.candidates):,} candidates,"
-        f" {len(found.state):,} targets; coordinates in the frame of its poses."
+        f"{drive.name}, {parts[0]}; {', '.join(parts[1:])}; coordinates in the frame of its poses."
     )
     show(site_table(found).as_text())
     if len(covered.demand.zones) > 1:
