@@ -110,7 +110,7 @@ def viewpoint(text: str) -> Any:
     raise PointsError(f"--viewpoint must be one of {names}, or X,Y,Z in metres, got {text!r}.")
 
 
-def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
+def frame_range(text: str | None, option: str = "--frames") -> tuple[int | None, int | None] | None:
     """First frame number and the one after the last from ``A:B``, ``A:``, ``:B`` or ``A``.
 
     Raises
@@ -131,13 +131,13 @@ def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
         stop = int(stop_text) if stop_text else None
     except ValueError:
         raise SettingsError(
-            f"--frames must be A:B (frame numbers, B not included), A:, :B or one number,"
+            f"{option} must be A:B (frame numbers, B not included), A:, :B or one number,"
             f" got {text!r}."
         ) from None
     if not colon and first is not None:
         return first, first + 1
     if first is not None and stop is not None and stop <= first:
-        raise SettingsError(f"--frames {text} holds no frame: the end is not included.")
+        raise SettingsError(f"{option} {text} holds no frame: the end is not included.")
     return first, stop
 
 
