@@ -42,6 +42,7 @@ def test_only_times_between_two_computed_frames_count():
             (19.2, FrameFailure(5, "gone.")),
             (25.0, record(6)),
             (25.3, record(7)),  # 0.3
+            (25.31, record(8)),  # written only: no frame was analysed meanwhile
         ]
     )
     assert rate["frames"] == 3
@@ -61,7 +62,13 @@ def test_frames_from_executors_have_a_rate_and_no_intervals():
 
 
 @pytest.mark.parametrize(
-    "outcomes", [[], [(3.0, record(0))], [(3.0, record(0, reused=True)), (3.1, record(1))]]
+    "outcomes",
+    [
+        [],
+        [(3.0, record(0))],
+        [(3.0, record(0, reused=True)), (3.1, record(1))],
+        [(3.0, record(0)), (3.001, record(1))],
+    ],
 )
 def test_too_few_frames_have_no_rate(outcomes):
     assert paced(outcomes) is None
@@ -136,7 +143,7 @@ def test_a_run_has_its_rate_in_the_summary(tmp_path):
         1 / summary["rate"]["interval_s"]["p50"]
     )
     assert summary["budget"] is None
-    assert run_drive(MemoryDrive((0, 1, 3)), tmp_path / "again").content["rate"]["frames"] == 2
+    assert run_drive(MemoryDrive((0, 1, 3)), tmp_path / "again").content["rate"]["frames"] == 1
     assert run_drive(MemoryDrive((0, 1, 3)), tmp_path / "again").content["rate"] is None
 
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import pytest
@@ -119,6 +119,22 @@ def test_the_command_replaces_workers_that_are_lost(drive, serial, tmp_path, cap
     assert len(pools) == 2
     assert "new ones go on" in capsys.readouterr().err
     assert results(out) == serial
+
+
+@pytest.mark.parametrize(
+    ("options", "is_noted"),
+    [
+        (["--workers", "2", "--budget", "50"], True),
+        (["--workers", "2", "--tau", "auto"], True),
+        (["--workers", "2", "--tau", "5"], False),
+        (["--tau", "auto"], False),
+    ],
+)
+def test_workers_without_work_are_noted(options, is_noted, drive, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(intervis.run.workers, "process_workers", lambda count: nullcontext())
+    command = ["run", str(drive.root), "--frames", ":1", "--out", str(tmp_path / "out")]
+    assert exit_code([*command, *options]) == 0
+    assert ("one worker analyses a drive" in capsys.readouterr().err) == is_noted
 
 
 def test_workers_end_with_a_killed_caller(tmp_path):

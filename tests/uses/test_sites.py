@@ -1,6 +1,7 @@
 """Siting on a walled square whose answers follow on paper; returns counted beam by beam; files."""
 
 import csv
+import io
 import itertools
 import json
 from pathlib import Path
@@ -512,11 +513,16 @@ def test_weights_and_lattices_of_the_command(square: Path, tmp_path: Path, capsy
         (["--zones", "z", "--along", "way", "--within", "w"], "give candidates by one of"),
         (["--zones", "z", "--along", "way", "--mast", "nan"], "--mast must be from 0 to 1000 m"),
         (["--zones", "z", "--along", "way", "--object", "tree"], "an object is car, bicycle"),
-        (["--zones", "z", "--along", "way", "--offset", "left"], "--offset must be heights"),
+        (
+            ["--zones", "z", "--along", "way", "--offset", "left"],
+            "--offset must be metres to the left",
+        ),
         (["--zones", "z", "--along", "way", "--scanner", "X"], "there is no sensor 'X'"),
         (["--zones", "z", "--along", "way", "--range", "0"], "--range must be a positive length"),
         (["--zones", "z", "--along", "way", "--beam-spacing", "1"], "--beam-spacing is AZ,EL"),
+        (["--zones", "z", "--along", "way", "--beam-spacing", "a,b"], "must be two angles"),
         (["--zones", "z", "--along", "way", "--beam-spacing", "1,1"], "give its --range"),
+        (["--zones", "z", "--along", "way", "--field", "-9,9"], "give --beam-spacing, too"),
         (["--zones", "ZONES", "--along", "way", "--every", "5", "-k", "99"], "99 places cannot"),
         (["--zones", "ZONES", "--along", "way", "--combine", "sum"], "combine must be one of best"),
         (["--zones", "ZONES", "--along", "way", "--method", "fast"], "the method must be one of"),
@@ -526,6 +532,7 @@ def test_weights_and_lattices_of_the_command(square: Path, tmp_path: Path, capsy
         (["--zones", "ZONES", "--along", "none"], "there is no route at none"),
         (["--zones", "CROSSING", "--along", "way"], "'z' crosses itself"),
         (["--zones", "FLAT", "--along", "way"], "zone 'z' has no area"),
+        (["--zones", "DEGREES", "--along", "way"], "metres in the frame of the poses, not long"),
         (["--zones", "FAR", "--along", "way"], "lie more than 150 m from every scan"),
         (["--targets", "NAN", "--along", "way"], "target 1: x, y and z must be numbers"),
     ],
@@ -536,6 +543,7 @@ def test_commands_that_make_no_sense(
     shapes = {
         "CROSSING": [[0, 0], [4, 4], [4, 0], [0, 4]],
         "FLAT": [[0, 0], [1e-3, 0], [0, 1e-3]],
+        "DEGREES": [[8.4194, 49.0112], [8.4196, 49.0112], [8.4196, 49.0113], [8.4194, 49.0113]],
         "FAR": [[900, 0], [904, 0], [904, 4]],
     }
     names = {"ZONES": square / "zones.geojson", "NAN": tmp_path / "nan.csv"}
@@ -573,6 +581,25 @@ def test_the_picture_shows_states_and_places(found: Siting) -> None:
     np.testing.assert_allclose(stars, [[1.0, 20.0]])
     drawn = sum(len(one.get_offsets()) for one in axes.collections[: len(COLOURS)])
     assert drawn >= len(found.state) / 3  # three heights above each other are one square
+
+
+@pytest.mark.parametrize(
+    ("wide_m", "tall_m"), [(24.0, 2.0), (43.0, 11.5), (30.0, 30.0), (5.0, 60.0)]
+)
+def test_the_picture_cuts_neither_title_nor_legend(wide_m: float, tall_m: float) -> None:
+    x, y = np.meshgrid(np.linspace(0, wide_m, 5), np.linspace(0, tall_m, 5))
+    places = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 2.0)])
+    ground = np.column_stack([places[:, :2], np.zeros(x.size)])
+    demand = demand_of_points(places, np.arange(1.0, x.size + 1))
+    poles = [Candidate(str(rank), place) for rank, place in enumerate(places[:3])]
+    scene = Scene.from_scan(ground - np.array([0.0, 0.0, 1.7]))
+    figure = siting_picture(best_sites(scene, poles, demand, 1, reach=EVERYWHERE), ground)
+    figure.savefig(io.BytesIO())
+    width_px, height_px = figure.bbox.size
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert axes.get_tightbbox().y1 <= height_px
+    assert 0.0 <= legend.get_window_extent().x0
+    assert legend.get_window_extent().x1 <= width_px
 
 
 def test_zones_of_a_file_have_weights(square: Path) -> None:

@@ -126,7 +126,7 @@ def _show_steadiness(
         raise SettingsError(
             "--steadiness prints a table: leave out --frame, --geojson, --grid and --picture."
         )
-    frame_range = options.frame_range(frames)
+    frame_range = options.frame_range(frames, "--steadiness")
     drive = open_drive(source, camera=camera)
     numbers = selected_frames(drive.frame_numbers, frame_range)
     viewpoint = point_in_frame(drive[numbers[0]], place, "--from")

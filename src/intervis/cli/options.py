@@ -69,14 +69,28 @@ def heights(text: str | None, option: str) -> tuple[float, ...] | None:
     >>> heights("1.05,2", "--eye")
     (1.05, 2.0)
     """
-    if text is None:
-        return None
+    return None if text is None else numbers(text, option, "heights in metres, as 1.08 or 1.05,2")
+
+
+def numbers(text: str, option: str, what: str) -> tuple[float, ...]:
+    """One or more numbers from ``N`` or ``N,N``; ``what`` says in the error what they are.
+
+    Raises
+    ------
+    SettingsError
+        The text is not one or more finite numbers.
+
+    Examples
+    --------
+    >>> numbers("-6.5,5", "--offset", "metres to the left")
+    (-6.5, 5.0)
+    """
     try:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = (math.nan,)
     if not all(map(math.isfinite, values)):
-        raise SettingsError(f"{option} must be heights in metres, as 1.08 or 1.05,2, got {text!r}.")
+        raise SettingsError(f"{option} must be {what}, got {text!r}.")
     return values
 
 
@@ -96,7 +110,7 @@ def viewpoint(text: str) -> Any:
     raise PointsError(f"--viewpoint must be one of {names}, or X,Y,Z in metres, got {text!r}.")
 
 
-def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
+def frame_range(text: str | None, option: str = "--frames") -> tuple[int | None, int | None] | None:
     """First frame number and the one after the last from ``A:B``, ``A:``, ``:B`` or ``A``.
 
     Raises
@@ -117,13 +131,13 @@ def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
         stop = int(stop_text) if stop_text else None
     except ValueError:
         raise SettingsError(
-            f"--frames must be A:B (frame numbers, B not included), A:, :B or one number,"
+            f"{option} must be A:B (frame numbers, B not included), A:, :B or one number,"
             f" got {text!r}."
         ) from None
     if not colon and first is not None:
         return first, first + 1
     if first is not None and stop is not None and stop <= first:
-        raise SettingsError(f"--frames {text} holds no frame: the end is not included.")
+        raise SettingsError(f"{option} {text} holds no frame: the end is not included.")
     return first, stop
 
 

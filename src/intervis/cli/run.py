@@ -22,18 +22,14 @@ if TYPE_CHECKING:
     from intervis.run.stream import RunSummary
     from intervis.run.viewpoint import Viewpoint
 
-Source = Annotated[
-    Path,
-    typer.Argument(
-        help="A drive (KITTI raw, odometry, object; a folder of scans) or one scan file."
-    ),
-]
+LAYOUTS = "KITTI, nuScenes, Argoverse 2, ROS bag, folder of scans, ...: docs/drives.md"
+Source = Annotated[Path, typer.Argument(help=f"A drive ({LAYOUTS}) or one scan file.")]
 Sources = Annotated[
     list[Path],
     typer.Argument(
         metavar="SOURCE...",
-        help="Drives (KITTI raw, odometry, object; a folder of scans) or scan files. The results of"
-        " several stand in folders of their own names below --out.",
+        help=f"Drives ({LAYOUTS}) or scan files. The results of several stand in folders of their"
+        " own names below --out.",
     ),
 ]
 CameraName = Annotated[
@@ -163,6 +159,7 @@ def run(
         raise SettingsError(
             "a shard has no report: run the command without --shard after the shards."
         )
+    _note_idle_workers(request)
     if len(sources) == 1:
         return _run_one(sources[0], out, camera, request)
     from intervis.drives import open_drive
@@ -273,6 +270,17 @@ def _executor_name(given: str | None) -> str | None:
     return given
 
 
+def _note_idle_workers(request: _Request) -> None:
+    from intervis.run.stretch import chooses_tau
+
+    is_shared = request.workers != 1 or request.executor is not None
+    if is_shared and chooses_tau(request.options["settings"]):
+        tell(
+            "note: tau of a frame follows the frames before, so one worker analyses a drive, and"
+            " more are idle; of several drives --shard analyses some side by side."
+        )
+
+
 def _note_missing_camera(drive: "Drive", viewpoint: "Viewpoint") -> None:
     if drive.camera is None and viewpoint in ("camera", "start"):
         tell("note: this drive has no camera, so the viewpoint is the sensor.")
@@ -340,7 +348,8 @@ def _sight_line(shares: "Sequence[Mapping[str, float]]") -> str:
             f"{100 * sum(one[word] for one in asked) / len(asked):.1f} % {word}"
             for word in asked[0]
         ]
-        text += f"{', '.join(words)} in the mean over {len(asked)} frames."
+        frames = f"{len(asked)} frame{'s' if len(asked) != 1 else ''}"
+        text += f"{', '.join(words)} in the mean over {frames}."
     if without:
         text += f" {without} without: there is no next frame."
     return text

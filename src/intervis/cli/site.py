@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 ABOVE_GROUND_M = 0.3
 """Returns lower above the ground are not drawn."""
 WAY = "way"
+FIELD_DEG = "-22.5,22.5"
+"""Of --beam-spacing, where --field is not given."""
 
 
 def site(
@@ -85,11 +87,17 @@ def site(
     ] = "OS1-128",
     beam_spacing: Annotated[
         str | None,
-        typer.Option(metavar="AZ,EL", help="Instead: degrees between beams or pixels; --field."),
+        typer.Option(
+            metavar="AZ,EL", help="Instead: degrees between beams or pixels; needs --range."
+        ),
     ] = None,
     field: Annotated[
-        str, typer.Option(metavar="LOW,HIGH", help="Elevations that --beam-spacing covers.")
-    ] = "-22.5,22.5",
+        str | None,
+        typer.Option(
+            metavar="LOW,HIGH",
+            help="Elevations that --beam-spacing covers, degrees; default: -22.5,22.5.",
+        ),
+    ] = None,
     reach: Annotated[
         float | None, typer.Option("--range", metavar="M", help="Default: that of the scanner.")
     ] = None,
@@ -131,10 +139,11 @@ def site(
         Path | None, typer.Option(metavar="FILE.png|FILE.svg", help="Draw the plan.")
     ] = None,
 ) -> None:
-    """Choose places for roadside scanners or cameras, by what they see of zones.
+    """Choose places for roadside scanners or cameras.
 
-    Prints what each place and all together see, do not see and may see, the returns to expect on
-    an object, and how far the choice may be from the best one.
+    Of all candidates it takes those that together see the most of the zones. Prints what each
+    place and all together see, do not see and may see, the returns to expect on an object, and
+    how far the choice may be from the best one.
     """
     from intervis.errors import SettingsError
 
@@ -154,7 +163,7 @@ def site(
     options.check_output_files(outputs, [source, zones, targets, candidates, within, *files])
     options.check_picture_file(picture)
     reached = _reach(scanner, beam_spacing, field, reach, thing, least_returns)
-    offsets_m = options.heights(offset, "--offset") or (0.0,)
+    offsets_m = options.numbers(offset, "--offset", "metres to the left, as 5 or -6.5,5")
 
     from intervis.drives import open_drive
     from intervis.run.stream import selected_frames
@@ -185,7 +194,7 @@ def site(
 def _reach(
     scanner: str,
     beam_spacing: str | None,
-    field: str,
+    field: str | None,
     range_m: float | None,
     thing: str,
     least_returns: float,
@@ -199,12 +208,18 @@ def _reach(
 
     far_m = None if range_m is None else positive_length("--range", range_m)
     if beam_spacing is None:
+        if field is not None:
+            raise SettingsError(
+                "--field is about the beams of --beam-spacing: give --beam-spacing, too."
+            )
         sensor = sensor_named(scanner)
         if far_m is not None:
             sensor = replace(sensor, max_range_m=far_m, min_range_m=0.0)
     else:
-        pairs = {"--beam-spacing": beam_spacing, "--field": field}
-        values = [options.heights(text, name) or () for name, text in pairs.items()]
+        pairs = {"--beam-spacing": beam_spacing, "--field": field or FIELD_DEG}
+        values = [
+            options.numbers(text, name, "two angles, degrees") for name, text in pairs.items()
+        ]
         if [len(one) for one in values] != [2, 2]:
             raise SettingsError("--beam-spacing is AZ,EL and --field LOW,HIGH, in degrees.")
         if far_m is None:
@@ -293,9 +308,10 @@ def _show(found: "Siting", drive: "Drive", scans: int) -> None:
     covered = found.coverage
     sensor, size_m = covered.reach.sensor, covered.reach.size_m
     things = {size: name for name, size in OBJECTS.items()}
+    counts = {"scan": scans, "candidate": len(covered.candidates), "target": len(found.state)}
+    parts = [f"{count:,} {what}{'s' if count != 1 else ''}" for what, count in counts.items()]
     show(
-        f"{drive.name}, {scans} scans; {len(covered.candidates):,} candidates,"
-        f" {len(found.state):,} targets; coordinates in the frame of its poses."
+        f"{drive.name}, {parts[0]}; {', '.join(parts[1:])}; coordinates in the frame of its poses."
     )
     show(site_table(found).as_text())
     if len(covered.demand.zones) > 1:

@@ -14,7 +14,8 @@ class Pace:
     """Times at which the outcomes of a run come, reading and writing of files included.
 
     Only frames that this run computed count. The first one compiles kernels and is left out, and
-    so is one after a frame that failed or that an earlier run had written.
+    so is one after a frame that failed or that an earlier run had written. A frame comes when the
+    next one has been analysed; the last one comes as soon as it is written, and is left out, too.
 
     Parameters
     ----------
@@ -26,8 +27,8 @@ class Pace:
 
     Examples
     --------
-    >>> pace = Pace(clock=iter([0.0, 9.0, 9.5, 10.0]).__next__)
-    >>> for number in range(3):
+    >>> pace = Pace(clock=iter([0.0, 9.0, 9.5, 10.0, 10.01]).__next__)
+    >>> for number in range(4):
     ...     pace.note(FrameRecord(number, {}, {}))
     >>> pace.as_dict()["frames_per_s"]
     2.0
@@ -38,7 +39,7 @@ class Pace:
     ) -> None:
         self._one_by_one, self._clock = one_by_one, clock
         self._start_s = self._last_s = clock()
-        self._last_computed = False
+        self._last_computed = self._ends_with_interval = False
         self._computed = 0
         self._intervals_s: list[float] = []
 
@@ -46,7 +47,8 @@ class Pace:
         """Note that an outcome has come."""
         now_s = self._clock()
         computed = isinstance(outcome, FrameRecord) and not outcome.reused
-        if computed and self._last_computed:
+        self._ends_with_interval = computed and self._last_computed
+        if self._ends_with_interval:
             self._intervals_s.append(now_s - self._last_s)
         self._computed += computed
         self._last_s, self._last_computed = now_s, computed
@@ -54,6 +56,8 @@ class Pace:
     def as_dict(self) -> dict[str, Any] | None:
         """Entry ``rate`` of the summary; None where too few frames were computed."""
         intervals_s = self._intervals_s if self._one_by_one else []
+        if self._ends_with_interval:
+            intervals_s = intervals_s[:-1]
         frames = len(intervals_s) if self._one_by_one else self._computed
         seconds = sum(intervals_s) if self._one_by_one else self._last_s - self._start_s
         if frames == 0 or seconds <= 0.0:

@@ -221,7 +221,7 @@ def flips_of_drive(
         if number not in poses:
             raise DriveError(
                 f"frame {number} of {drive.name} has no pose, which tells how the ground of two"
-                " frames fits together."
+                " frames fits together: put a poses.txt beside the scans."
             )
     found = []
     now = drive[numbers[0]].points

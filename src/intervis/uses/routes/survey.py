@@ -175,7 +175,10 @@ def spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
         raise DriveError("a scene needs one frame at least: choose some.")
     poses = drive.poses or {}
     if not poses:
-        raise DriveError(f"{drive.name} has no poses, which put its scans into one scene.")
+        raise DriveError(
+            f"{drive.name} has no poses, which put its scans into one scene: put a poses.txt beside"
+            " the scans."
+        )
     kept: list[int] = []
     for number in numbers:
         if number not in poses:

@@ -111,7 +111,10 @@ class Zone:
                 f" {crossing[1] + 1} meet; put its corners in order."
             )
         if self.area_m2 < LEAST_AREA_M2:
-            raise PointsError(f"zone {shown(name)} has no area.")
+            raise PointsError(
+                f"zone {shown(name)} has no area: its corners must be metres in the frame of the"
+                " poses, not longitude and latitude."
+            )
 
     @property
     def area_m2(self) -> float:

@@ -33,6 +33,10 @@ AROUND_M = 8.0
 ASPECTS = (0.3, 1.1)
 """Least and largest ratio of height and width."""
 FILL_PT2 = 2.2
+FRAME_IN = 1.4
+"""Title, axis and legend: with less the layout does not settle, and the title is cut."""
+LEGEND_COLUMNS = 3
+"""Two rows: six entries with weights are wider than the page."""
 
 
 def siting_picture(found: Siting, returns: Float64Array) -> "Figure":
@@ -54,7 +58,7 @@ def siting_picture(found: Siting, returns: Float64Array) -> "Figure":
     places = np.array([one.place for one in found.coverage.candidates])
     window = _window(found.coverage.demand.points, places)
     wide, tall = window[1] - window[0]
-    with page_figure(0.9 + 6.2 * tall / wide) as (figure, axes):
+    with page_figure(FRAME_IN + 6.2 * tall / wide) as (figure, axes):
         _draw_targets(axes, found, 6.2 / wide)
         inside = ((returns[:, :2] > window[0]) & (returns[:, :2] < window[1])).all(axis=1)
         dots(axes, returns[inside], s=0.2, color=INK, alpha=0.45, rasterized=True)
@@ -73,7 +77,7 @@ def siting_picture(found: Siting, returns: Float64Array) -> "Figure":
             ylabel="y, m",
             title=_title(found),
         )
-        legend_below(figure, axes)
+        legend_below(figure, axes, LEGEND_COLUMNS)
         return figure
 
 
