@@ -60,7 +60,7 @@ def answer(state, probability, clearance_m, blocker=(np.nan,) * 3):
         (
             answer(UNKNOWN, 0.95, np.inf),
             3.2,
-            ["not observed; from prior", "95 %", "3.2 of its 5.0 m"],
+            ["not observed throughout; prior", "95 %", "3.2 of its 5.0 m"],
         ),
     ],
 )

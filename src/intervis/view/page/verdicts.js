@@ -97,8 +97,8 @@ export function explanation(line) {
   if (line.kind === OPEN) return visibleText(line, length, percent);
   if (line.kind === NOT_OBSERVED) {
     return (
-      `Unknown: not observed; from prior knowledge alone visible with a probability of ${percent}.` +
-      ` No scan observed ${metresText(line.unobservedDm)} of its ${length} m, and no observed` +
+      "Unknown: not observed throughout; prior knowledge included, visible with a probability of" +
+      ` ${percent}. No scan observed ${metresText(line.unobservedDm)} of its ${length} m, and no observed` +
       " surface clearly occludes the rest."
     );
   }
