@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from intervis.errors import PointsError, SettingsError
 from intervis.uses.sites import choice as choice_module
+from intervis.uses.sites import objective as objective_module
 from intervis.uses.sites.choice import GREEDY_SHARE, choose, greedy_choice
 from intervis.uses.sites.objective import Objective
 
@@ -45,6 +46,26 @@ def worth(objective: Objective, chosen: tuple[int, ...]) -> float:
                 expected += float(chance) * min(sum(outcome), objective.views)
         total += weight * expected / objective.views
     return total
+
+
+def test_a_search_over_few_targets_stops_as_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gain over three targets takes no less time than one over a thousand."""
+    world = Objective(
+        np.random.default_rng(3).uniform(0, 1, (30, 3)).astype(np.float32), np.ones(3)
+    )
+    looked: list[int] = []
+    gain = objective_module.Views.gain
+
+    def counted(views: objective_module.Views, nth: int) -> float:
+        looked.append(nth)
+        return gain(views, nth)
+
+    monkeypatch.setattr(objective_module.Views, "gain", counted)
+    monkeypatch.setitem(choice_module.MOST_WORK, "exact", 2e5)
+    found = choose(world, 6, "exact")
+    assert found.evaluations <= 200 + 100
+    assert len(looked) <= 400
+    assert found.bound >= found.value
 
 
 @given(problems(), st.data())

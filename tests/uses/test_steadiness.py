@@ -113,7 +113,8 @@ def test_what_cannot_be_compared_is_told(street: Path, tmp_path: Path, capsys) -
     for given_options, message in (
         ([str(bare), "--steadiness", "0:2"], "frame 0 of bare has no pose, which tells how"),
         ([str(street), "--steadiness", "0"], "1 frame cannot be compared with the next"),
-        ([str(street), "--steadiness", "a"], "--frames must be A:B"),
+        ([str(street), "--steadiness", "a"], "--steadiness must be A:B"),
+        ([str(street), "--steadiness", "3:1"], "--steadiness 3:1 holds no frame"),
         ([str(street), "--steadiness", "0:2", "--picture", "p.png"], "--steadiness prints a table"),
         ([str(street), "--steadiness", "0:2", "--frame", "1"], "--steadiness prints a table"),
     ):

@@ -111,6 +111,52 @@ def test_mistakes_get_one_sentence(scene, tmp_path):
         intervis.show(drive, frames=[])
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"height_px": '"><script>alert(1)</script>'}, "height_px must be a whole number"),
+        ({"height_px": 0}, "height_px must be a whole number"),
+        ({"height_px": float("nan")}, "height_px must be a whole number"),
+        ({"frames": 3}, "frames are the frame numbers of a drive"),
+        ({"most_frames": "a"}, "must be a whole number, 1 or more, got 'a'"),
+        ({"most_returns": 1.5}, "must be a whole number, 1 or more, got 1.5"),
+        ({"risk": None}, "risk must be from 0.001 to 0.2, got None"),
+        ({"risk": "low"}, "risk must be from 0.001 to 0.2, got 'low'"),
+        ({"moment_s": 1.0}, "moment_s is the query time of a scene"),
+        ({"ends": 5}, "ends must be a list of places"),
+        ({"ends": [[1e30, 0, 0]]}, "a place lies within 1e+07 m of the origin"),
+        ({"viewpoint": [0, 0, -1e300]}, "a place lies within 1e+07 m of the origin"),
+    ],
+)
+def test_arguments_that_make_no_sense_get_one_sentence(tmp_path, arguments, said):
+    drive = open_drive(scan_folder(tmp_path / "drive"))
+    with pytest.raises((PointsError, SettingsError)) as raised:
+        intervis.show(drive, **arguments)
+    assert said in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_what_cannot_be_shown_is_told(scene):
+    for source in (None, "drive", street(0)):
+        with pytest.raises(SettingsError, match="show takes a Drive, a Frame or a Scene, got"):
+            intervis.show(source)
+    with pytest.raises(SettingsError, match="frames are the frame numbers of a drive"):
+        intervis.show(scene, street(0), frames=[0])
+
+
+def test_frames_of_any_iterable_are_shown(tmp_path):
+    drive = open_drive(scan_folder(tmp_path / "drive"))
+    given = [intervis.show(drive, frames=some).content for some in ([2, 0], iter([2, 0]))]
+    assert given[0] == given[1]
+
+
+def test_returns_of_a_damaged_file_are_left_out():
+    points = street(0)
+    points[3] = 1e30  # whole centimetres of it fit into no integer
+    page = intervis.show(Frame(0, points))
+    assert f"{len(points) - 1:,} points" in Parsed(page.content.decode()).text
+
+
 def test_a_page_is_saved_as_a_file(scene, tmp_path):
     page = intervis.show(scene, street(0), viewpoint=VIEWPOINT)
     page.save(tmp_path / "page.html")

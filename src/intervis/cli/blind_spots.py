@@ -59,8 +59,10 @@ def blindspots(
     options.check_output_files(
         {"--geojson": geojson, "--grid": grid_file, "--picture": picture}, [source]
     )
+    outputs = [geojson, grid_file, picture]
     if grid_file is not None and grid_file.suffix.lower() == ".pgm":
-        options.check_output_file(grid_file.with_suffix(".yaml"), [source])
+        outputs.append(grid_file.with_suffix(".yaml"))
+        options.check_output_file(outputs[-1], [source])
     options.check_picture_file(picture)
 
     import json
@@ -76,6 +78,7 @@ def blindspots(
 
     check_grid_file(grid_file)
     drive = open_drive(source, camera=camera)
+    options.check_drive_kept(drive, outputs)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
     with progress("blind spots", 3) as advance:
         scene = registered_scene(drive, now, ())
@@ -125,7 +128,7 @@ def _show_steadiness(
         raise SettingsError(
             "--steadiness prints a table: leave out --frame, --geojson, --grid and --picture."
         )
-    frame_range = options.frame_range(frames)
+    frame_range = options.frame_range(frames, "--steadiness")
     drive = open_drive(source, camera=camera)
     numbers = selected_frames(drive.frame_numbers, frame_range)
     viewpoint = point_in_frame(drive[numbers[0]], place, "--from")

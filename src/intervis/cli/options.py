@@ -10,6 +10,7 @@ from intervis.errors import OutputError, PointsError, SettingsError
 from intervis.files import check_replaceable
 
 if TYPE_CHECKING:
+    from intervis.drives import Drive
     from intervis.settings import Settings
 
 WIDEST_TOLERANCE = 50.0
@@ -56,8 +57,10 @@ def place(text: str, option: str) -> str | tuple[float, float, float]:
     return text if text in ("camera", "sensor") else coordinates(text, option)
 
 
-def heights(text: str | None, option: str) -> tuple[float, ...] | None:
-    """Heights in metres from ``M`` or ``M,M``; None stays None.
+def heights(
+    text: str | None, option: str, what: str = "heights in metres, as 1.08 or 1.05,2"
+) -> tuple[float, ...] | None:
+    """Heights in metres, or `what` else, from ``M`` or ``M,M``; None stays None.
 
     Raises
     ------
@@ -76,7 +79,7 @@ def heights(text: str | None, option: str) -> tuple[float, ...] | None:
     except ValueError:
         values = (math.nan,)
     if not all(map(math.isfinite, values)):
-        raise SettingsError(f"{option} must be heights in metres, as 1.08 or 1.05,2, got {text!r}.")
+        raise SettingsError(f"{option} must be {what}, got {text!r}.")
     return values
 
 
@@ -96,7 +99,7 @@ def viewpoint(text: str) -> Any:
     raise PointsError(f"--viewpoint must be one of {names}, or X,Y,Z in metres, got {text!r}.")
 
 
-def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
+def frame_range(text: str | None, option: str = "--frames") -> tuple[int | None, int | None] | None:
     """First frame number and the one after the last from ``A:B``, ``A:``, ``:B`` or ``A``.
 
     Raises
@@ -117,13 +120,13 @@ def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
         stop = int(stop_text) if stop_text else None
     except ValueError:
         raise SettingsError(
-            f"--frames must be A:B (frame numbers, B not included), A:, :B or one number,"
+            f"{option} must be A:B (frame numbers, B not included), A:, :B or one number,"
             f" got {text!r}."
         ) from None
     if not colon and first is not None:
         return first, first + 1
     if first is not None and stop is not None and stop <= first:
-        raise SettingsError(f"--frames {text} holds no frame: the end is not included.")
+        raise SettingsError(f"{option} {text} holds no frame: the end is not included.")
     return first, stop
 
 
@@ -276,6 +279,32 @@ def check_no_input(path: Path, inputs: Iterable[Path | None]) -> None:
                 f"{path} is or lies in {given}, which this command reads and never changes: choose"
                 " another place."
             )
+
+
+def check_drive_kept(drive: "Drive", paths: Iterable[Path | None]) -> None:
+    """Refuse outputs that are files of a drive, wherever they stand and whatever they are called.
+
+    Calibration and poses of some layouts stand beside the drive's folder, not in it.
+
+    Raises
+    ------
+    OutputError
+        A path is the file of a scan, an image, labels, calibration, poses or times.
+    """
+    for path in paths:
+        if path is None or not path.exists():
+            continue
+        own = path.stat()
+        for file in (
+            *drive.metadata_files,
+            *(*drive.scan_paths.values(), *drive.image_paths.values()),
+            *drive.label_paths.values(),
+        ):
+            if file.exists() and os.path.samestat(file.stat(), own):
+                raise OutputError(
+                    f"{path} is a file of {drive.name}, which this command reads and never changes:"
+                    " choose another place."
+                )
 
 
 def check_output_files(

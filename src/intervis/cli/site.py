@@ -154,7 +154,7 @@ def site(
     options.check_output_files(outputs, [source, zones, targets, candidates, within, *files])
     options.check_picture_file(picture)
     reached = _reach(scanner, beam_spacing, field, reach, thing, least_returns)
-    offsets_m = options.heights(offset, "--offset") or (0.0,)
+    offsets_m = options.heights(offset, "--offset", "metres, as 6 or -6,6") or (0.0,)
 
     from intervis.drives import open_drive
     from intervis.run.stream import selected_frames
@@ -167,6 +167,7 @@ def site(
     kept = BACKGROUND if background is None else background
 
     drive = open_drive(source)
+    options.check_drive_kept(drive, outputs.values())
     numbers = selected_frames(drive.frame_numbers, frame_range)
     scene, used = _scene(drive, numbers, spacing, sensor)
     places = _candidates(drive, scene, candidates, along, within, offsets_m, every, mast)
@@ -204,7 +205,10 @@ def _reach(
             sensor = replace(sensor, max_range_m=far_m, min_range_m=0.0)
     else:
         pairs = {"--beam-spacing": beam_spacing, "--field": field}
-        values = [options.heights(text, name) or () for name, text in pairs.items()]
+        values = [
+            options.heights(text, name, "two numbers of degrees") or ()
+            for name, text in pairs.items()
+        ]
         if [len(one) for one in values] != [2, 2]:
             raise SettingsError("--beam-spacing is AZ,EL and --field LOW,HIGH, in degrees.")
         if far_m is None:

@@ -1,7 +1,7 @@
 """The interactive page in a notebook: an object that Jupyter shows as the page."""
 
 import html
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,11 @@ from intervis.view.view_request import (
 
 MOST_MB = 25.0
 """Pages of a notebook are no larger: it stores each, and loads all of them."""
+
+MOST_HEIGHT_PX = 10_000
+
+FARTHEST_PLACE_M = 1e7
+"""Viewpoints and ends of lines are no farther, as on the command line."""
 
 NAMED_PLACES = ("camera", "sensor")
 
@@ -142,7 +147,8 @@ def show(
         A scene is given without points, points without a scene, or coordinates are not finite or
         too large.
     SettingsError
-        A number is out of range, or the page is too large for a notebook.
+        The source is none of these, a number is out of range, an argument is not about the source,
+        or the page is too large for a notebook.
     MissingExtraError
         A live page is asked for, and anywidget is not installed.
     DriveError
@@ -155,13 +161,15 @@ def show(
     >>> show(Scene.from_scan(wall), wall, viewpoint=[0, 2, 0])
     <NotebookPage: 0.1 MB>
     """
+    _check_source(source, frames, moment_s)
+    height_px = _checked_height(height_px)
     if (points is None) == isinstance(source, Scene):
         raise PointsError("show takes points with a scene, and only with a scene.")
     if is_live:
         require_anywidget()
     request = ViewRequest(
         viewpoint=_viewpoint(source, viewpoint),
-        ends=[_place(end) for end in ends],
+        ends=_ends(ends),
         risk=risk,
         most_frames=most_frames,
         most_returns=most_returns,
@@ -183,7 +191,7 @@ def _content(
 ) -> tuple[bytes, PageEngine]:
     """The page, and the engine that answers its questions."""
     if isinstance(source, Drive):
-        given = source.frame_numbers if frames is None else frames
+        given = source.frame_numbers if frames is None else list(frames)
         if not len(given):
             raise SettingsError("frames holds no frame number: give at least one, or None for all.")
         numbers = thinned_frames(given, request.most_frames)
@@ -230,8 +238,42 @@ def _viewpoint(source: Drive | Frame | Scene, viewpoint: ArrayLike | str | None)
     return "sensor" if camera is None else "camera"
 
 
+def _check_source(source: object, frames: object, moment_s: object) -> None:
+    """Raise where the source cannot be shown, or an argument is not about it."""
+    if not isinstance(source, Drive | Frame | Scene):
+        raise SettingsError(
+            f"show takes a Drive, a Frame or a Scene, got {type(source).__name__}: open a folder or"
+            " file with intervis.open_drive, make a scene of points with intervis.Scene.from_scan."
+        )
+    if frames is not None and not (isinstance(source, Drive) and isinstance(frames, Iterable)):
+        raise SettingsError("frames are the frame numbers of a drive, as [0, 5]: leave them out.")
+    if moment_s is not None and not isinstance(source, Scene):
+        raise SettingsError("moment_s is the query time of a scene: leave it out.")
+
+
+def _checked_height(height_px: Any) -> int:
+    is_whole = isinstance(height_px, int | np.integer) and not isinstance(height_px, bool)
+    if not (is_whole and 1 <= height_px <= MOST_HEIGHT_PX):
+        raise SettingsError(
+            f"height_px must be a whole number of pixels from 1 to {MOST_HEIGHT_PX:,}, got"
+            f" {height_px!r}."
+        )
+    return int(height_px)
+
+
+def _ends(ends: object) -> list[tuple[float, float, float]]:
+    if not isinstance(ends, Iterable):
+        raise PointsError(f"ends must be a list of places in metres, got {ends!r}.")
+    return [_place(end) for end in ends]
+
+
 def _place(point: ArrayLike) -> tuple[float, float, float]:
-    x, y, z = checked_point(point, "a place").tolist()
+    place = checked_point(point, "a place")
+    if np.abs(place).max() > FARTHEST_PLACE_M:
+        raise PointsError(
+            f"a place lies within {FARTHEST_PLACE_M:g} m of the origin, got {point!r}."
+        )
+    x, y, z = place.tolist()
     return x, y, z
 
 

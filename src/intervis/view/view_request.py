@@ -59,17 +59,20 @@ class ViewRequest:
     has_method: bool = True
 
     def __post_init__(self) -> None:
-        if not RISK_RANGE[0] <= self.risk <= RISK_RANGE[1]:
+        is_number = isinstance(self.risk, int | float | np.number)
+        if not (is_number and RISK_RANGE[0] <= self.risk <= RISK_RANGE[1]):
             raise SettingsError(
-                f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {self.risk}."
+                f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {self.risk!r}."
             )
         for option, value, least in (
             ("--memory", self.memory, 0),
             ("--most", self.most_frames, 1),
             ("--returns", self.most_returns, 1),
         ):
-            if value < least:
-                raise SettingsError(f"{option} must be {least} or more, got {value}.")
+            if not isinstance(value, int | np.integer) or value < least:
+                raise SettingsError(
+                    f"{option} must be a whole number, {least} or more, got {value!r}."
+                )
 
 
 def thinned_frames(numbers: Sequence[int], most: int) -> list[int]:
