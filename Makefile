@@ -11,9 +11,10 @@ TESTS ?=
 COUNT ?= 100
 SEED ?= 0
 FUZZ ?= 20000
+CALLS ?= 1600
 SOURCE ?=
 
-.PHONY: demo test test-slow lint types bench coverage mutants fuzz docs dist clean help
+.PHONY: demo test test-slow lint types bench coverage mutants fuzz fuzz-calls docs dist clean help
 .DEFAULT_GOAL := help
 
 help:            ## the verbs
@@ -49,6 +50,9 @@ mutants: $(READY) ## how many of COUNT small changes of the code the tests notic
 
 fuzz: $(READY)    ## changed files for every reader: each is read, or refused in one sentence
 	$(BIN)/python tools/fuzz_readers.py --count $(FUZZ) --seed $(SEED) --jobs $(JOBS)
+
+fuzz-calls: $(READY)  ## odd arguments for every public call: each is answered, or refused in one sentence
+	$(BIN)/python tools/fuzz_calls.py --count $(CALLS) --seed $(SEED) --jobs $(JOBS)
 
 bench: $(READY)   ## our times beside those of other tools; SOURCE=drive for a real one
 	$(BIN)/intervis bench $(SOURCE) --json out/bench.json

@@ -27,6 +27,7 @@ NAMES = [
     "Frame",
     "Camera",
     "IntervisError",
+    "ArgumentError",
     "PointsError",
     "PoseError",
     "CameraError",
@@ -72,7 +73,7 @@ def test_the_three_states_are_the_numbers_of_the_interface():
 def test_every_error_is_an_intervis_error():
     errors = [value for name in NAMES if isinstance(value := getattr(intervis, name), type)]
     errors = [error for error in errors if issubclass(error, Exception)]
-    assert len(errors) == 11
+    assert len(errors) == 12
     assert all(issubclass(error, intervis.IntervisError) for error in errors)
 
 

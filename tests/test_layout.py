@@ -15,6 +15,7 @@ from intervis.cli import COMMANDS
 ROOT = Path(intervis.__file__).parent
 LAYERS = (
     ("errors",),
+    ("arguments",),
     ("arrays", "kernels", "progress", "result_table"),
     ("delaunay", "directions", "files", "output_folder", "settings", "transform"),
     ("camera",),

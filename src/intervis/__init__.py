@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from intervis.drives import Drive as Drive
     from intervis.drives import Frame as Frame
     from intervis.drives import open_drive as open_drive
+    from intervis.errors import ArgumentError as ArgumentError
     from intervis.errors import CalibrationError as CalibrationError
     from intervis.errors import CameraError as CameraError
     from intervis.errors import DriveError as DriveError
@@ -46,6 +47,7 @@ _HOME = {
     "Drive": "intervis.drives",
     "Frame": "intervis.drives",
     "open_drive": "intervis.drives",
+    "ArgumentError": "intervis.errors",
     "CalibrationError": "intervis.errors",
     "CameraError": "intervis.errors",
     "DriveError": "intervis.errors",
@@ -79,6 +81,7 @@ __all__ = [
     "UNKNOWN",
     "VISIBLE",
     "Analysis",
+    "ArgumentError",
     "CalibrationError",
     "Camera",
     "CameraError",

@@ -3,11 +3,13 @@
 from __future__ import annotations  # help() shows the names of the array types
 
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
-from intervis.arrays import Float64Array
-from intervis.errors import CameraError
+from intervis.arguments import is_count, object_of, shown
+from intervis.arrays import Float64Array, numbers_of
+from intervis.errors import CameraError, PointsError
 from intervis.transform import inverse, transform
 
 LONGEST_SIDE_PX = 100_000
@@ -52,9 +54,10 @@ class Camera:
     name: str = "camera"
 
     def __post_init__(self) -> None:
+        object_of(self.name, str, "a camera's name")
         try:
-            matrix = np.array(self.projection, dtype=np.float64)
-        except (TypeError, ValueError):
+            matrix = numbers_of(self.projection, "projection")
+        except PointsError:
             raise CameraError("a camera's projection must be a 3x4 matrix of numbers.") from None
         if matrix.shape != (3, 4) or not np.isfinite(matrix).all():
             raise CameraError(
@@ -68,7 +71,7 @@ class Camera:
         if not all(_is_side(side) for side in (self.width_px, self.height_px)):
             raise CameraError(
                 f"a camera's image must have 1 to {LONGEST_SIDE_PX} pixels a side, got"
-                f" {self.width_px!r:.40} x {self.height_px!r:.40}."
+                f" {shown(self.width_px)} x {shown(self.height_px)}."
             )
         matrix.setflags(write=False)
         object.__setattr__(self, "projection", matrix)
@@ -101,7 +104,7 @@ class Camera:
 
 
 def _is_side(side_px: object) -> bool:
-    return isinstance(side_px, int | np.integer) and 1 <= int(side_px) <= LONGEST_SIDE_PX
+    return is_count(side_px) and cast(int, side_px) <= LONGEST_SIDE_PX
 
 
 def default_viewpoint(camera: Camera | None, cam_from_velo: Float64Array | None) -> Float64Array:

@@ -10,7 +10,7 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.method.analysis import analyze
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Settings
 from intervis.sight import Scene, explain, visible_mask
 from intervis.sight.observed_profile import unobserved_parts
@@ -43,9 +43,10 @@ def warm_up(*, progress: Progress | None = None) -> None:
     >>> import intervis
     >>> intervis.warm_up()
     """
+    report = reporter(progress)
     for name, part in PARTS.items():
         part()
-        (progress or silent)(name)
+        report(name)
 
 
 @contextmanager

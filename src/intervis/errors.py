@@ -10,6 +10,10 @@ class IntervisError(Exception):
     """
 
 
+class ArgumentError(IntervisError, TypeError):
+    """An argument is of the wrong kind: text for a scene, None for a grid."""
+
+
 class PointsError(IntervisError, ValueError):
     """An array of points (or a viewpoint, or targets) has the wrong shape, type or content."""
 

@@ -6,9 +6,23 @@ after each finished step, with a short note that names the step.
 
 from collections.abc import Callable
 
+from intervis.arguments import function_of
+
 Progress = Callable[[str], None]
 """``progress(note)``: called after each finished step."""
 
 
 def silent(note: str) -> None:
     """The progress callback that reports nothing."""
+
+
+def reporter(progress: Progress | None) -> Progress:
+    """The callback itself, `silent` in place of None.
+
+    Raises
+    ------
+    ArgumentError
+        It can not be called.
+    """
+    function_of(progress, "progress")
+    return silent if progress is None else progress

@@ -7,6 +7,7 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from intervis.arguments import path_of, shown
 from intervis.errors import SettingsError
 
 View = Literal["camera", "circle", "front", "wide"]
@@ -20,9 +21,6 @@ Criterion = Literal["elevation", "sight_angle", "sight_line"]
 
 MAX_TAU = 2**31 - 1
 """Greatest granularity: more returns than any scan has, and safe for 64-bit products with n_fov."""
-
-LONGEST_SHOWN = 80
-"""Letters of a wrong value or name that a message shows."""
 
 
 class Settings(BaseModel):
@@ -105,7 +103,7 @@ class Settings(BaseModel):
         """Validate the values; settings that are not given have their defaults."""
         for name in values:
             if name not in type(self).model_fields:
-                raise SettingsError(f"unknown setting {_shown(name)}: {_suggestion(name)}")
+                raise SettingsError(f"unknown setting {shown(name)}: {_suggestion(name)}")
         try:
             super().__init__(**values)
         except ValidationError as error:
@@ -129,8 +127,9 @@ class Settings(BaseModel):
         SettingsError
             The file cannot be read, is not TOML, or has an unknown or invalid setting.
         """
+        path = path_of(path, "path")
         try:
-            values = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+            values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         except OSError as error:
             raise SettingsError(f"cannot read the settings {path}: {error.strerror}.") from None
         except ValueError as error:  # also a whole number of more digits than Python reads
@@ -169,9 +168,5 @@ def _suggestion(name: str) -> str:
 
 def _message(error: ValidationError) -> str:
     first = error.errors()[0]
-    return f"setting {first['loc'][0]!r}: {first['msg'].lower()}, got {_shown(first['input'])}."
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]} ..."
+    wanted = " ".join(first["msg"].lower().split())
+    return f"setting {first['loc'][0]!r}: {wanted}, got {shown(first['input'])}."

@@ -7,8 +7,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import Float64Array, FloatArray
-from intervis.errors import PoseError
+from intervis.arrays import LARGEST_M, Float64Array, FloatArray, numbers_of
+from intervis.errors import PointsError, PoseError
 
 ROTATION_TOLERANCE = 1e-3
 """Largest allowed entry of ``R R^T - I``: KITTI prints rotations with seven digits."""
@@ -26,7 +26,7 @@ def checked_pose(pose: ArrayLike, name: str = "pose") -> Float64Array:
     ------
     PoseError
         The shape is wrong, an entry is not finite, the upper left 3x3 block is not a rotation (a
-        reflection, a scale, a shear), or the last row is not 0 0 0 1.
+        reflection, a scale, a shear), the last row is not 0 0 0 1, or it moves by more than 1e9 m.
 
     Examples
     --------
@@ -34,8 +34,8 @@ def checked_pose(pose: ArrayLike, name: str = "pose") -> Float64Array:
     (4, 4)
     """
     try:
-        matrix = np.array(pose, dtype=np.float64)
-    except (TypeError, ValueError):
+        matrix = numbers_of(pose, name)
+    except PointsError:
         raise PoseError(f"{name} must be a 4x4 matrix of numbers.") from None
     if matrix.shape == (3, 4):
         matrix = np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]])
@@ -54,6 +54,8 @@ def checked_pose(pose: ArrayLike, name: str = "pose") -> Float64Array:
         )
     if np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > ROTATION_TOLERANCE:
         raise PoseError(f"{name} is not a rigid motion: its last row must be 0 0 0 1.")
+    if np.abs(matrix[:3, 3]).max() > LARGEST_M:
+        raise PoseError(f"{name} moves by more than {LARGEST_M:g} m: its unit must be metres.")
     return matrix
 
 

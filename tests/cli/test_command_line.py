@@ -14,7 +14,7 @@ import pytest
 import intervis
 import intervis.run.stream
 import intervis.run.stretch
-from intervis.cli import exit_code
+from intervis.cli import COMMANDS, exit_code
 from small_drive import files_below, scan_folder, street
 
 PROGRAM = [sys.executable, "-c", "from intervis.cli import main; main()"]
@@ -37,6 +37,22 @@ def modules_after(code: str) -> set[str]:
         check=True,
     )
     return set(done.stdout.split())
+
+
+def test_no_description_in_the_list_of_commands_is_cut_off(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert exit_code(["--help"]) == 0
+    commands = capsys.readouterr().out.partition("Commands:")[2].strip().splitlines()
+    assert len(commands) == len(COMMANDS)
+    assert [line for line in commands if not line.endswith(".") or "..." in line] == []
+
+
+@pytest.mark.parametrize("command", ["sightdistance", "route", "agents", "replay", "evaluate"])
+def test_the_rate_of_scans_has_one_name(command, capsys):
+    assert exit_code([command, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "--hz F" in said
+    assert ("--rate" in said) == (command == "replay")  # there: how many times faster
 
 
 def test_help_loads_nothing_heavy():

@@ -22,6 +22,33 @@ from intervis.drives import open_drive
 from intervis.errors import CalibrationError, DriveError, ScanError
 
 
+@pytest.mark.parametrize("place", ["pcd", "scans"])
+def test_the_folder_of_the_scans_alone_has_the_poses_beside_it(tmp_path, place):
+    drive_path = tmp_path / "street"
+    for number in (1, 2):
+        write_scan(drive_path / place / f"{number}.bin", number)
+    assert open_drive(drive_path / place).name == place  # nothing lies beside it
+    write_text(drive_path / "poses.txt", "\n".join(pose_line(n) for n in (1, 2)))
+    whole, below = open_drive(drive_path), open_drive(drive_path / place)
+    assert below.fingerprint() == whole.fingerprint()
+    assert [frame.pose[0, 3] for frame in below] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("address", ["s3://bucket/drive", "https://host/drive.mcap"])
+def test_an_address_is_no_path_and_told(address):
+    with pytest.raises(DriveError, match=f"^{address} is no local path: copy or mount it"):
+        open_drive(address)
+
+
+def test_a_folder_of_scans_beside_other_scans_stays_alone(tmp_path):
+    """The drive above reads ``pcd``: its poses are of those scans."""
+    for place in ("pcd", "scans"):
+        write_scan(tmp_path / place / "1.bin", 1)
+    write_text(tmp_path / "poses.txt", pose_line(1))
+    assert open_drive(tmp_path / "pcd").poses is not None
+    assert open_drive(tmp_path / "scans").poses is None
+
+
 @pytest.mark.parametrize("place", ["", "scans"])
 def test_scans_are_numbered_by_their_names(tmp_path, place):
     for number in (10, 9, 300):

@@ -24,8 +24,19 @@ from nuscenes_writer import write_scene
 from scanned_room import scanned_room
 from scipy.spatial.transform import Rotation
 
+from intervis.camera import Camera
 from intervis.drives import nuscenes as nuscenes_layout
 from intervis.drives import open_drive
+from intervis.drives.drive_writer import (
+    FrameRecord,
+    ImageRecord,
+    Rig,
+    RigCamera,
+    RigScanner,
+    ScanRecord,
+)
+from intervis.drives.mcap_writer import McapWriter
+from intervis.drives.pose_track import PoseTrack
 from intervis.settings import Settings
 from intervis.transform import rigid
 
@@ -253,6 +264,20 @@ def cloud_message(folder: Path) -> Path:
     return path
 
 
+def camera_message(folder: Path) -> Path:
+    """A recording in MCAP of two clouds with an image and its calibration, not compressed."""
+    looks = rigid(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.array([1.0, 0, 1]))
+    camera = Camera(np.array([[9.0, 0, 8, 0], [0, 9, 5, 0], [0, 0, 1, 0]]), 16, 10)
+    rig = Rig((RigScanner("roof", "made", np.eye(4), 0),), (RigCamera("front", camera, looks),))
+    writer = McapWriter(folder, rig)
+    for nth in range(2):
+        track = PoseTrack(np.array([0, 10**8]) + nth * 10**8, [np.eye(4)] * 2)
+        scan = ScanRecord(room(40).astype(np.float32), np.ones(40, np.float32))
+        image = ImageRecord(np.full((10, 16, 3), 90, np.uint8), nth * 10**8, np.eye(4))
+        writer.add(FrameRecord(nth * 10**8, track, (scan,), (image,)))
+    return folder / writer.close()
+
+
 def ros_bag(kind: str, compression: str = "") -> Target:
     """A recording of two clouds with a tree of transforms and odometry."""
 
@@ -407,6 +432,7 @@ if find_spec("rosbags"):  # writes the recordings, with the libraries of the ext
         "ros2 database": ros_bag("sqlite3"),
         "ros2 database zstd": ros_bag("sqlite3", "message"),
         "mcap": ros_bag("mcap"),
+        "mcap with a camera": Target(camera_message, read_whole_drive),
         "mcap zstd": ros_bag("mcap", "storage"),
     }
 if find_spec("laspy") and find_spec("lazrs"):  # extra las

@@ -129,7 +129,7 @@ def test_lengths_are_rounded_to_a_decimetre(clearance_m, words):
 
 
 def test_the_risk_and_the_time_of_a_query_reach_the_scene():
-    class Asked:
+    class Asked(Scene):
         def sight(self, start, ends, *, risk, moment_s):
             self.lines = (start.tolist(), ends.tolist(), risk, moment_s)
             return answer(VISIBLE, 0.9, 1.0)

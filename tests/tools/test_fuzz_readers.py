@@ -12,6 +12,7 @@ from intervis.errors import DriveError
 
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 sys.path.insert(0, str(TOOLS))
+fuzzing = importlib.import_module("fuzzing")
 fuzz_readers = importlib.import_module("fuzz_readers")
 mutators = importlib.import_module("mutators")
 TARGETS = fuzz_readers.targets()
@@ -20,8 +21,8 @@ TARGETS = fuzz_readers.targets()
 @pytest.mark.parametrize("target", TARGETS)
 def test_changed_files_are_read_or_refused_in_one_sentence(target, monkeypatch):
     """A short run; `make fuzz` is the long one, and the one that measures time."""
-    monkeypatch.setattr(fuzz_readers, "SLOW_S", float("inf"))
-    if target == "jpeg":
+    monkeypatch.setattr(fuzzing, "SLOW_S", float("inf"))
+    if target in ("jpeg", "mcap with a camera"):
         pytest.importorskip("PIL", reason="Pillow (extra plots) is not installed")
     outcome = fuzz_readers.fuzz(target, count=60, seed=1, keep=None)
     assert not outcome.faults
@@ -79,7 +80,7 @@ def test_outcomes_are_told_apart(monkeypatch, tmp_path, action, kind):
 
 
 def test_slow_reading_is_found(monkeypatch):
-    monkeypatch.setattr(fuzz_readers, "SLOW_S", 0.0)
+    monkeypatch.setattr(fuzzing, "SLOW_S", 0.0)
     outcome = fuzz_readers.fuzz("settings", count=3, seed=0, keep=None)
     assert outcome.counts["slow"] == 3
 
@@ -111,7 +112,7 @@ def test_the_exit_code_says_whether_anything_was_raw(monkeypatch, capsys, tmp_pa
         return outcome
 
     monkeypatch.setattr(fuzz_readers, "fuzz", outcome_of)
-    monkeypatch.setattr(fuzz_readers, "ProcessPoolExecutor", SamePlace)
+    monkeypatch.setattr(fuzzing, "ProcessPoolExecutor", SamePlace)
     arguments = ["--count", "5", "--keep", str(tmp_path)]
     assert fuzz_readers.main([*arguments, "poses", "labels"]) == 0
     assert "0 raw or slow" in capsys.readouterr().out

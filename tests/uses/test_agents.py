@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from intervis import open_drive
 from intervis.cli import exit_code
-from intervis.errors import CalibrationError, DriveError, PointsError, SettingsError
+from intervis.errors import CalibrationError, DriveError, PointsError, PoseError, SettingsError
 from intervis.sight import Scene
 from intervis.transform import rigid
 from intervis.uses.agents.agent_file import labelled_agents, read_agents, scanner_agent
@@ -129,7 +129,6 @@ def test_pairs_and_tables(scene: Scene) -> None:
     ("values", "message"),
     [
         ({"places": {}}, "agent 'a' has no place: give x and y"),
-        ({"places": np.full((4, 4), np.nan)}, "agent 'a' has no place"),
         ({"fov_deg": 0.0}, "field of view of agent 'a' must be above 0 and up to 360"),
         ({"range_m": -1.0}, "the range of agent 'a' must be positive"),
         ({"body": np.zeros((2, 3))}, "the body of agent 'a' has no volume"),
@@ -138,6 +137,11 @@ def test_pairs_and_tables(scene: Scene) -> None:
 def test_agents_that_make_no_sense_are_told(values: dict, message: str) -> None:
     with pytest.raises(PointsError, match=message):
         Agent("a", **({"places": np.eye(4)} | values))
+
+
+def test_a_place_that_is_no_rigid_motion_is_told() -> None:
+    with pytest.raises(PoseError, match="the pose of agent 'a' holds NaN"):
+        Agent("a", np.full((4, 4), np.nan))
 
 
 def test_too_few_or_too_many_agents(scene: Scene) -> None:
@@ -179,7 +183,7 @@ def test_agents_of_a_file(tmp_path: Path, scene: Scene) -> None:
         ("name,x\na,1\n", CalibrationError, "agents need a heading with name, x, y"),
         ("name,x,y,colour\na,1,2,red\n", CalibrationError, "agents need a heading"),
         ("name,x,y\n", CalibrationError, "and rows below it"),
-        ("name,x,y,z\na,1,two,3\n", CalibrationError, "agent 1: y must be a number, got 'two'"),
+        ("name,x,y,z\na,1,two,3\n", CalibrationError, "agent 1: y must be a number"),
         ("name,x,y,z\npole,1,,3\n", PointsError, "agent 'pole' has no place: give x and y"),
         ("name,x,y,z\na,1,2,3\na,1,3,3\n", PointsError, "each needs a frame number of its own"),
         ("name,x,y,frame\na,1,2,1.5\n", PointsError, "each needs a frame number of its own"),

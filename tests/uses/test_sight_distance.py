@@ -55,7 +55,7 @@ from intervis.uses.routes.sight_standard import (
     SightStandard,
     standard_named,
 )
-from intervis.uses.routes.survey import classes_of, route_on_road, survey_of
+from intervis.uses.routes.survey import classes_of, hidden_eyes, route_on_road, survey_of
 
 Array = NDArray[np.float64]
 STEP_M = 0.5
@@ -302,6 +302,12 @@ def wall_scene() -> Scene:
     return Scene.from_scan(np.stack([np.full(y.size, 12.0), y.ravel(), z.ravel()], axis=1))
 
 
+def test_an_eye_that_no_scan_sees_is_found() -> None:
+    """Behind the wall at x = 12, 0.9 m above its foot; before it all is free."""
+    eyes = np.array([[5.0, 0, -0.8], [11.0, 0, -0.8], [14.0, 0, -0.8], [np.nan, 0, 0], [500, 0, 0]])
+    assert hidden_eyes(wall_scene(), eyes).tolist() == [False, False, True, False, False]
+
+
 def test_an_envelope_takes_the_worst_line() -> None:
     road = Route.through([[0, 0, -1.7], [30, 0, -1.7]])
     lines = {"speed_mps": 5.0, "reach_m": 25.0, "target_step_m": 5.0, "step_m": 10.0}
@@ -330,7 +336,7 @@ def test_an_envelope_takes_the_worst_line() -> None:
     [
         ({}, SettingsError, "the route has no speeds: give one"),
         ({"speed_mps": -5.0}, SettingsError, r"up to 360 km/h, got -18 km/h"),
-        ({"speed_mps": float("nan")}, SettingsError, "the speed must be above 0"),
+        ({"speed_mps": float("nan")}, SettingsError, "the speed must be a finite"),
         ({"speed_mps": 5.0, "ignore_m": -1.0}, SettingsError, "ignore_m must be 0 or more"),
         ({"speed_mps": 5.0, "step_m": 0.0}, SettingsError, "the step must be a positive"),
         ({"speed_mps": 5.0, "reach_m": 2.0}, SettingsError, "reach_m must be 5 m or more"),
@@ -393,6 +399,20 @@ def test_the_command(street: Path, tmp_path: Path, capsys) -> None:
     assert "textbook extract" in capsys.readouterr().out
 
 
+def test_an_eye_in_the_van_is_told(street: Path, tmp_path: Path, capsys) -> None:
+    """The van reaches from (22, 1) to (26, 3): the stations at 23 and 24.5 m stand in it."""
+    route = tmp_path / "r.csv"
+    route.write_text("x,y,speed_kmh\n0,0,30\n38,0,30\n")
+    command = ["sightdistance", str(street), "--route", str(route), "--spacing", "0"]
+    assert exit_code([*command, "--step", "1.5"]) == 0
+    assert "no scan sees the eye" not in capsys.readouterr().err
+    assert exit_code([*command, "--step", "1.5", "--offset", "2"]) == 0
+    told = capsys.readouterr().err
+    assert "the first at chainage 2" in told
+    assert "no scan sees the eye: it stands in an obstacle or behind one" in told
+    assert told.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -403,8 +423,11 @@ def test_the_command(street: Path, tmp_path: Path, capsys) -> None:
         (["--reaction", "-1"], "the reaction time must be from 0 to 10 s"),
         ([], "the route has no speeds: give one for the whole of it (--speed KM/H)"),
         (["--speed", "-3"], "the speed must be above 0 and up to 360 km/h, got -3 km/h"),
-        (["--hz", "0"], "the scans a second must be positive, got 0"),
+        (["--hz", "0"], "the scans a second must be from 1e-06 to 1e+06, got 0"),
+        (["--hz", "1e308"], "the scans a second must be at most 1e+15"),
         (["--mount", "nan"], "the height of the route must be a finite number"),
+        (["--mount", "1e308"], "the height of the route must be at most 1e+15"),
+        (["--mount", "1e12"], "the height of the route must be at most 1e+09 m"),
         (["--moments", "now"], "--moments must be one of map, pose, any"),
         (["--moments", "pose"], "--moments pose needs times of the scans: give them with --hz"),
         (["--speed", "30", "--step", "-1"], "the step must be a positive length"),

@@ -7,7 +7,7 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import Source
-from intervis.cli.survey import Hz, Risk, SensorName, returns_above
+from intervis.cli.survey import Frames, Hz, Risk, SensorName, returns_above
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -44,9 +44,7 @@ def agents(
     reach: Annotated[
         float, typer.Option("--range", metavar="M", help="How far labelled objects see.")
     ] = 100.0,
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B", help="Frames A to B - 1; default: all.")
-    ] = None,
+    frames: Frames = None,
     hz: Hz = None,
     sensor: SensorName = None,
     risk: Risk = None,
@@ -60,9 +58,10 @@ def agents(
         typer.Option(metavar="FILE.png|FILE.svg", help="Draw the first frame, and the matrix."),
     ] = None,
 ) -> None:
-    """Tell which agents see each other: cars, roadside units, people; and why not.
+    """Tell which agents see each other, and why not.
 
-    Each frame is asked at its own time, if the scans have times.
+    Agents are cars, roadside units, people. Each frame is asked at its own time, if the scans have
+    times.
     """
     from intervis.errors import SettingsError
 

@@ -45,9 +45,10 @@ def blindspots(
     ] = None,
     camera: CameraName = None,
 ) -> None:
-    """List the connected ground that is occluded or unknown, from one scan.
+    """List ground that a place does not see, from one scan.
 
-    Each spot has its area, its nearest distance, what could hide in it, and what hides it.
+    A blind spot is connected ground that is occluded or unknown. Each spot has its area, its
+    nearest distance, what could hide in it, and what hides it.
     """
     place = options.place(start, "--from")
     if steadiness is not None:

@@ -8,6 +8,7 @@ import typer
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
 from intervis.cli.sight import Point
+from intervis.cli.survey import Frames
 from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
@@ -39,9 +40,7 @@ def masks(
             " paper prints it.",
         ),
     ] = "exact",
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B", help="Frames A to B - 1; default: all.")
-    ] = None,
+    frames: Frames = None,
     stride: Annotated[int, typer.Option(metavar="N", help="Every N-th of these frames.")] = 1,
     later: Annotated[
         int | None,
@@ -83,7 +82,11 @@ def masks(
     ] = None,
     camera: CameraName = None,
 ) -> None:
-    """Write which voxels around each frame are occupied, occluded, invalid, and seen by whom."""
+    """Write which voxels are occupied, occluded, seen.
+
+    The voxels around each frame, in the layouts of the benchmarks: occupied, occluded, invalid,
+    and seen by which camera.
+    """
     frame_range = options.frame_range(frames)
     options.check_output_files({"--picture": picture}, [source, classes])
     options.check_picture_file(picture)

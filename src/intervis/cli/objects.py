@@ -8,6 +8,7 @@ import typer
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
 from intervis.cli.sight import FROM, point_in_frame
+from intervis.cli.survey import Frames
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -16,9 +17,7 @@ if TYPE_CHECKING:
 
 def objects(
     source: Source,
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B", help="Frames A to B - 1; default: all.")
-    ] = None,
+    frames: Frames = None,
     start: Annotated[str, FROM] = "sensor",
     csv: Annotated[
         Path | None,
@@ -35,10 +34,10 @@ def objects(
     ] = None,
     camera: CameraName = None,
 ) -> None:
-    """Measure which share of each labelled object is visible, from one scan of each frame.
+    """Measure the visible share of labelled objects.
 
-    Shares are of the solid angle of the faces of the object's box. Where labels say how far an
-    object is occluded, a second table compares.
+    One scan of each frame is asked. Shares are of the solid angle of the faces of the object's box.
+    Where labels say how far an object is occluded, a second table compares.
     """
     frame_range = options.frame_range(frames)
     place = options.place(start, "--from")

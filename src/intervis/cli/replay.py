@@ -8,6 +8,7 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import Source
+from intervis.cli.survey import Frames, Hz
 from intervis.cli.terminal import complain, progress, show
 
 if TYPE_CHECKING:
@@ -20,25 +21,19 @@ def replay(
     rate: Annotated[
         float, typer.Option(metavar="R", help="How many times faster than it was recorded.")
     ] = 1.0,
-    hz: Annotated[
-        float | None,
-        typer.Option(metavar="F", help="Scans a second, where the drive has no times."),
-    ] = None,
+    hz: Hz = None,
     sights: Annotated[
         int, typer.Option(metavar="N", help="Sight lines that are asked after each scan.")
     ] = 5000,
     scans: Annotated[
         int, typer.Option(metavar="N", help="Number of scans that are kept at most.")
     ] = 20,
-    frames: Annotated[
-        str | None,
-        typer.Option(metavar="A:B", help="Frame numbers, B not included; also A:, :B or A."),
-    ] = None,
+    frames: Frames = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")
     ] = None,
 ) -> int:
-    """Replay a drive in real time, and measure the latency of scans and sight lines.
+    """Replay a drive in real time, and measure latency.
 
     The scans are pushed into a stream at the times at which they were recorded. After each of them
     sight lines are asked from the sensor to points around its returns.

@@ -94,7 +94,10 @@ def route(
         Path | None, typer.Option(metavar="FILE.png|FILE.svg", help="Draw plan and sightings.")
     ] = None,
 ) -> None:
-    """Tell when each target or zone comes into sight along a route, from how far, for how long."""
+    """Tell when targets or zones come into sight on a route.
+
+    For each: from how far, for how long, and what hides it before.
+    """
     from intervis.errors import SettingsError
 
     if (targets is None) == (zones is None):

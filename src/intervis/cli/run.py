@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from intervis.cli import options
+from intervis.cli.survey import Frames
 from intervis.cli.terminal import InterruptedRunError, complain, progress, show, tell
 from intervis.errors import IntervisError, OutputError, SettingsError
 
@@ -72,10 +73,7 @@ def run(
             " milliseconds; frames that take longer are listed.",
         ),
     ] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option(metavar="A:B", help="Frame numbers, B not included; also A:, :B or A."),
-    ] = None,
+    frames: Frames = None,
     viewpoint: Annotated[
         str,
         typer.Option(

@@ -53,7 +53,9 @@ def sight(
     frames: Annotated[
         str | None,
         typer.Option(
-            metavar="A:B", help="Add the scans of these frames, registered to frame N by the poses."
+            metavar="A:B",
+            help="Add the scans of frames A to B - 1, registered to frame N by the poses; also A:,"
+            " :B or A.",
         ),
     ] = None,
     picture: Annotated[

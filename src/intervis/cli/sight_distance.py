@@ -24,7 +24,7 @@ from intervis.cli.survey import (
     returns_above,
     route_of,
 )
-from intervis.cli.terminal import progress, show
+from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
     from intervis.arrays import Float64Array
@@ -103,7 +103,7 @@ def sightdistance(
         typer.Option(metavar="FOLDER", help="Draw the places with the largest deficits."),
     ] = None,
 ) -> None:
-    """Compare the available with the required sight distance along a road.
+    """Compare sight distances of a road with a standard.
 
     Objects are placed ahead on the path; all distances run along it. What is unknown is counted
     apart and never as visible.
@@ -148,6 +148,7 @@ def sightdistance(
     found = replace(found, blocker_class=classes_of(drive, survey, found.ending_blocker))
     show(f"{drive.name}, {len(survey.frames)} scans, path of {road.length_m:.0f} m; {chosen.note}")
     _show(found)
+    _tell_hidden_eyes(found, survey)
     _write(found, survey, drive, csv, geojson, picture, worst)
 
 
@@ -187,6 +188,20 @@ def _show(found: "SightDistances") -> None:
     if len(table.rows) > SHOWN_ROWS:
         show(f"and {len(table.rows) - SHOWN_ROWS} more: --csv writes all.")
     show(summary(found))
+
+
+def _tell_hidden_eyes(found: "SightDistances", survey: "Survey") -> None:
+    """Say at which stations the eye stands in an obstacle or behind one."""
+    from intervis.uses.routes.survey import hidden_eyes
+
+    eyes = found.road.above(found.chainage_m, min(found.standard.eye_m))
+    hidden = found.chainage_m[hidden_eyes(survey.scene, eyes)]
+    if len(hidden):
+        tell(
+            f"note: at {len(hidden)} of {len(eyes)} stations, the first at chainage"
+            f" {hidden[0]:.0f} m, no scan sees the eye: it stands in an obstacle or behind one;"
+            " --offset moves the path, --eye the eye."
+        )
 
 
 def _moments(name: str, survey: "Survey", road: "Route", step_m: float) -> "Float64Array | None":

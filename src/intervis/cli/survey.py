@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 Frames = Annotated[
     str | None,
-    typer.Option(metavar="A:B", help="Scans to use: frame numbers, B not included; default: all."),
+    typer.Option(
+        metavar="A:B", help="Frame numbers A to B - 1 to use; also A:, :B or A; default: all."
+    ),
 ]
 RouteFile = Annotated[
     Path | None,

@@ -9,7 +9,7 @@ import typer
 from intervis.cli import options
 from intervis.cli.run import CameraName, Source
 from intervis.cli.sight import FROM
-from intervis.cli.survey import Risk
+from intervis.cli.survey import Frames, Risk
 from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
@@ -47,10 +47,7 @@ def view(
         ),
     ] = False,
     port: Annotated[int, typer.Option(metavar="N", help="Port of --serve.")] = DEFAULT_PORT,
-    frames: Annotated[
-        str | None,
-        typer.Option(metavar="A:B", help="Frame numbers, B not included; also A:, :B or A."),
-    ] = None,
+    frames: Frames = None,
     most: Annotated[
         int | None,
         typer.Option(
@@ -89,7 +86,7 @@ def view(
     risk: Risk = None,
     camera: CameraName = None,
 ) -> None:
-    """Make an interactive page, or a recording, of what a viewpoint sees of each frame of a drive.
+    """Make a page or a recording of what a place sees.
 
     The page is one file that loads nothing. Every return is judged from the viewpoint (the camera;
     the sensor, if there is none), and can be clicked for its explanation. A recording holds the
@@ -215,7 +212,7 @@ def _note_size(drive: "Drive", chosen: int, shown: int, request: "ViewRequest") 
     size_mb = estimated_bytes(shown, request.most_returns) / 1e6
     if size_mb > LARGE_MB:
         tell(f"note: the page will take up to {size_mb:,.0f} MB; --returns and --most reduce it.")
-    if drive.image_paths and not _has_pillow():
+    if (drive.image_paths or drive.image_readers) and not _has_pillow():
         tell("note: the page has no images: they need pip install 'intervis[plots]'.")
 
 

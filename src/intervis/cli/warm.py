@@ -7,9 +7,10 @@ from intervis.errors import OutputError
 
 
 def warm() -> None:
-    """Compile all kernels, once for each version and machine, so that no later command has to.
+    """Compile all kernels ahead of the first use.
 
-    Takes about a minute; where the kernels are compiled already, some seconds.
+    No later command of this version has to, on this machine. Takes about a minute; where the
+    kernels are compiled already, some seconds.
     """
     from intervis.compilation import PARTS, compiling
 

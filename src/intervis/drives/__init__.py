@@ -4,11 +4,14 @@ Each layout has a module with ``EXPECTED_FILES`` (for the error message), ``find
 ``read_drive``.
 """
 
+import contextlib
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from intervis.arguments import path_of, shown
 from intervis.drives import (
     argoverse,
     e57_stations,
@@ -27,9 +30,13 @@ from intervis.drives import (
 from intervis.drives.boxes import Box
 from intervis.drives.drive import Drive
 from intervis.drives.frame import Frame, ScannerScan
-from intervis.errors import DriveError
+from intervis.errors import ArgumentError, DriveError
 
 __all__ = ["Box", "Drive", "Frame", "ScannerScan", "open_drive"]
+
+
+REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
+"""The start of an address that is no path: ``s3://``, ``gs://``, ``https://``."""
 
 
 class _Layout(NamedTuple):
@@ -110,20 +117,26 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     ...     drive.frame_numbers, drive[5].points.shape
     ((3, 5), (7, 3))
     """
+    if camera is not None and not isinstance(camera, str):
+        raise DriveError(f"a camera must be a name or a number in a text, got {shown(camera)}.")
     try:
-        given = Path(path).expanduser()
-    except TypeError:
-        raise DriveError(f"the path of a drive must be a text or a Path, got {path!r}.") from None
-    except RuntimeError:  # ~name of an unknown user
-        given = Path(path)
+        given = path_of(path, "the path of a drive")
+    except ArgumentError as error:
+        raise DriveError(str(error)) from None
+    with contextlib.suppress(RuntimeError):  # ~name of an unknown user
+        given = given.expanduser()
     try:
-        if "\0" in str(given) or not given.exists():
-            if "\0" not in str(given):
-                scene, topic = nuscenes.find_scene(given), ros_bag.find_topic(given.absolute())
-                if scene is not None:
-                    return nuscenes.read_drive(scene.resolve(), camera)
-                if topic is not None:
-                    return ros_bag.read_drive(topic.resolve(), camera)
+        if not given.exists():
+            scene, topic = nuscenes.find_scene(given), ros_bag.find_topic(given.absolute())
+            if scene is not None:
+                return nuscenes.read_drive(scene.resolve(), camera)
+            if topic is not None:
+                return ros_bag.read_drive(topic.resolve(), camera)
+            if REMOTE.match(str(path)):
+                raise DriveError(
+                    f"{path} is no local path: copy or mount it (for example with rclone), and give"
+                    " the path of the copy."
+                )
             raise DriveError(f"there is nothing at {given}: check the path.")
         root = given.resolve()
         if root.is_file():

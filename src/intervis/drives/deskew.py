@@ -50,7 +50,8 @@ def point_times_ns(
     Raises
     ------
     DriveError
-        The times span no sweep in any unit, or lie more than a sweep from the scan's time.
+        The times are no numbers, span no sweep in any unit, or lie more than a sweep from the
+        scan's time.
 
     Examples
     --------
@@ -63,6 +64,8 @@ def point_times_ns(
     if name is None or np.ndim(attributes[name]) != 1 or not len(attributes[name]):
         return None
     values = np.asarray(attributes[name])
+    if values.dtype.kind not in "fiu":
+        raise DriveError(f"the times {name!r} of the points are no numbers.")
     finite = np.isfinite(values)
     if not finite.any():
         return None

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from intervis.arrays import Float64Array
+from intervis.arguments import shown
+from intervis.arrays import Float64Array, UInt8Array
 from intervis.camera import Camera
 from intervis.drives.boxes import Box
 from intervis.drives.calibration import CameraCalibration
@@ -47,6 +48,8 @@ class Drive:
         ``ptx_stations``, ``scan_folder`` or ``single_scan``.
     scan_paths, image_paths : mapping of int to Path
         Files by frame number; a frame may have no image.
+    image_readers : mapping of int to function
+        Functions that read images which have no file of their own, by frame number.
     camera_names : tuple of str
         Cameras that `open_drive` can select.
     camera_name : str or None
@@ -83,6 +86,7 @@ class Drive:
     layout: str
     scan_paths: Mapping[int, Path]
     image_paths: Mapping[int, Path] = field(default_factory=dict)
+    image_readers: Mapping[int, Callable[[], UInt8Array]] = field(default_factory=dict)
     camera_names: tuple[str, ...] = ()
     camera_name: str | None = None
     calibration: CameraCalibration | Callable[[int], CameraCalibration] | None = None
@@ -171,7 +175,7 @@ class Drive:
         try:
             number = operator.index(number)
         except TypeError:
-            raise DriveError(f"a frame number must be an integer, got {number!r}.") from None
+            raise DriveError(f"a frame number must be an integer, got {shown(number)}.") from None
         if number not in self.scan_paths:
             raise DriveError(self._no_such_frame(number))
         scan = self.read(number) if self.read else read_scan(self.scan_paths[number])
@@ -186,6 +190,7 @@ class Drive:
             pose=None if pose is None else pose.copy(),
             timestamp_ns=self.timestamps_ns.get(number),
             image_path=self.image_paths.get(number),
+            read_image=self.image_readers.get(number),
             scan_path=self.scan_paths[number],
             label_path=self.label_paths.get(number),
             scanner=self.scanner,

@@ -4,6 +4,7 @@ The frame of the vehicle (ego) has x forward, y left, z up, its origin on the gr
 axle. A writer keeps no scan: each frame is on disk when `DriveWriter.add` returns.
 """
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -233,8 +234,21 @@ def write_jpeg(path: Path, image: ImageRecord) -> None:
     MissingExtraError
         Pillow is not installed.
     """
+    path.write_bytes(jpeg_of(image))
+
+
+def jpeg_of(image: ImageRecord) -> bytes:
+    """An image as the content of a JPEG file.
+
+    Raises
+    ------
+    MissingExtraError
+        Pillow is not installed.
+    """
     try:
         from PIL import Image
     except ImportError:
         raise MissingExtraError("pillow", "lab", "writing the pictures of a drive") from None
-    Image.fromarray(image.pixels).save(path, "JPEG", quality=JPEG_QUALITY)
+    file = io.BytesIO()
+    Image.fromarray(image.pixels).save(file, "JPEG", quality=JPEG_QUALITY)
+    return file.getvalue()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # help() shows the names of the array types
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,15 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from intervis.arrays import Float32Array, Float64Array
+from intervis.arguments import mapping_of, object_of, shown, whole_numbers_of
+from intervis.arrays import Float32Array, Float64Array, UInt8Array, array_of, checked_points
 from intervis.camera import Camera, default_viewpoint
 from intervis.drives.boxes import Box
 from intervis.drives.deskew import TIME_NAMES, deskewed_points, point_times_ns
-from intervis.drives.image_file import checked_image_size_px
+from intervis.drives.image_file import decoded_image
 from intervis.drives.point_labels import read_labels
 from intervis.drives.pose_track import PoseTrack
-from intervis.errors import DriveError, MissingExtraError
+from intervis.errors import DriveError, PointsError
 from intervis.result_table import result_table
+from intervis.transform import checked_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,8 @@ class Frame:
         Time of the scan, nanoseconds.
     image_path : Path or None
         The camera's image of this frame.
+    read_image : function, or None
+        Reads the image where it has no file of its own: see `image`.
     scan_path : Path or None
         The file that the points were read from.
     label_path : Path or None
@@ -97,6 +100,7 @@ class Frame:
     pose: Float64Array | None = None
     timestamp_ns: int | None = None
     image_path: Path | None = None
+    read_image: Callable[[], UInt8Array] | None = None
     scan_path: Path | None = None
     label_path: Path | None = None
     scanner: str = ""
@@ -104,6 +108,29 @@ class Frame:
     read_boxes: Callable[[], tuple[Box, ...]] | None = None
     pose_track: PoseTrack | None = None
     is_deskewed: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "number", whole_numbers_of([self.number], "number")[0])
+        points = checked_points(self.points)
+        if np.shape(self.points) != points.shape or not isinstance(self.points, np.ndarray):
+            object.__setattr__(self, "points", points)
+        if self.camera is not None:
+            object_of(self.camera, Camera, "camera")
+        for name in ("pose", "cam_from_velo"):
+            matrix = getattr(self, name)
+            if matrix is not None:
+                object.__setattr__(self, name, checked_pose(matrix, name))
+        if self.timestamp_ns is not None:
+            (time_ns,) = whole_numbers_of([self.timestamp_ns], "timestamp_ns")
+            object.__setattr__(self, "timestamp_ns", time_ns)
+        if self.pose_track is not None:
+            object_of(self.pose_track, PoseTrack, "pose_track")
+        for name, values in mapping_of(self.attributes, "attributes").items():
+            shape = array_of(values, f"the attribute {shown(name)}").shape
+            if shape[:1] != (len(self.points),):
+                raise PointsError(
+                    f"{len(self.points)} points need as many values of {shown(name)}, got {shape}."
+                )
 
     @property
     def timestamp_s(self) -> float | None:
@@ -114,7 +141,7 @@ class Frame:
         known = [f"{len(self.points):,} points"]
         if self.camera is not None:
             known.append(f"camera {self.camera.name}")
-        known += ["image"] if self.image_path is not None else []
+        known += ["image"] if self.has_image else []
         known += ["labels"] if self.label_path is not None else []
         known += ["pose"] if self.pose is not None else []
         known += ["timestamp"] if self.timestamp_ns is not None else []
@@ -126,7 +153,7 @@ class Frame:
             "points": f"{len(self.points):,}",
             "attributes": ", ".join(self.attributes) or "-",
             "camera": "-" if self.camera is None else self.camera.name,
-            "image": "-" if self.image_path is None else self.image_path.name,
+            "image": self.image_path.name if self.image_path else "yes" if self.has_image else "-",
             "pose": "-" if self.pose is None else "yes",
             "timestamp": "-" if self.timestamp_ns is None else f"{self.timestamp_ns:,} ns",
         }
@@ -234,6 +261,11 @@ class Frame:
         return (read_labels(self.label_path, len(self.points)) >> 16).astype(np.uint16)
 
     @property
+    def has_image(self) -> bool:
+        """Whether `image` reads one."""
+        return self.image_path is not None or self.read_image is not None
+
+    @property
     def image(self) -> NDArray[np.uint8] | None:
         """(H, W, 3) uint8 RGB image, decoded at each access; None where the frame has none.
 
@@ -244,17 +276,6 @@ class Frame:
         DriveError
             The file is not a readable image.
         """
-        if self.image_path is None:
-            return None
-        try:
-            from PIL import Image
-        except ImportError:
-            raise MissingExtraError("pillow", "plots", "Decoding an image") from None
-        checked_image_size_px(self.image_path)
-        try:
-            with warnings.catch_warnings(), Image.open(self.image_path) as image:
-                warnings.simplefilter("ignore")  # of damage that does not keep it from decoding
-                return np.asarray(image.convert("RGB"))
-        except Exception as error:  # Pillow raises various types on damaged files
-            reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
-            raise DriveError(f"cannot read the image {self.image_path}: {reason}.") from None
+        if self.image_path is not None:
+            return decoded_image(self.image_path, self.image_path)
+        return None if self.read_image is None else self.read_image()

@@ -3,12 +3,17 @@
 Pillow is an optional dependency, and a drive with images must open without it.
 """
 
+import io
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+
+from intervis.arrays import UInt8Array
 from intervis.drives.regular_file import open_regular
-from intervis.errors import DriveError
+from intervis.errors import DriveError, MissingExtraError
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
 """Endings of image files, in any case; where a frame has several images, the first counts."""
@@ -35,14 +40,19 @@ def image_file_size_px(path: Path) -> tuple[int, int]:
     """
     try:
         with open_regular(path) as file:
-            start = file.read(24)
-            if start.startswith(PNG_START) and start[12:16] == b"IHDR" and len(start) == 24:
-                return int.from_bytes(start[16:20], "big"), int.from_bytes(start[20:24], "big")
-            size_px = _jpeg_size_px(file) if start.startswith(JPEG_START) else None
+            return _size_px(file, path)
     except OSError as error:
         raise DriveError(f"cannot read the image {path}: {error.strerror}.") from None
+
+
+def _size_px(file: BinaryIO, name: Path) -> tuple[int, int]:
+    """Width and height of a PNG or JPEG image that begins at the start of a file."""
+    start = file.read(24)
+    if start.startswith(PNG_START) and start[12:16] == b"IHDR" and len(start) == 24:
+        return int.from_bytes(start[16:20], "big"), int.from_bytes(start[20:24], "big")
+    size_px = _jpeg_size_px(file) if start.startswith(JPEG_START) else None
     if size_px is None:
-        raise DriveError(f"the image {path} is neither a PNG nor a JPEG image.")
+        raise DriveError(f"the image {name} is neither a PNG nor a JPEG image.")
     return size_px
 
 
@@ -70,13 +80,52 @@ def checked_image_size_px(path: Path) -> tuple[int, int]:
     DriveError
         The file cannot be read, is no image, or has more than `MOST_PIXELS` pixels.
     """
-    width_px, height_px = image_file_size_px(path)
+    return _check_size(image_file_size_px(path), path)
+
+
+def _check_size(size_px: tuple[int, int], name: Path) -> tuple[int, int]:
+    width_px, height_px = size_px
     if width_px * height_px > MOST_PIXELS:
         raise DriveError(
-            f"the image {path} declares {width_px} x {height_px} pixels, more than this program"
+            f"the image {name} declares {width_px} x {height_px} pixels, more than this program"
             f" decodes ({MOST_PIXELS})."
         )
-    return width_px, height_px
+    return size_px
+
+
+def decoded_image(source: Path | bytes, name: Path) -> UInt8Array:
+    """(H, W, 3) red, green and blue of a PNG or JPEG image.
+
+    Parameters
+    ----------
+    source : Path or bytes
+        The file, or its content.
+    name : Path
+        Of the image, for messages.
+
+    Raises
+    ------
+    MissingExtraError
+        Pillow (extra ``plots``) is not installed.
+    DriveError
+        It is no readable image, or has more than `MOST_PIXELS` pixels.
+    """
+    try:
+        from PIL import Image
+    except ImportError:
+        raise MissingExtraError("pillow", "plots", "Decoding an image") from None
+    if isinstance(source, bytes):
+        _check_size(_size_px(io.BytesIO(source), name), name)
+    else:
+        checked_image_size_px(source)
+    file = io.BytesIO(source) if isinstance(source, bytes) else source
+    try:
+        with warnings.catch_warnings(), Image.open(file) as image:
+            warnings.simplefilter("ignore")  # of damage that does not keep it from decoding
+            return np.asarray(image.convert("RGB"))
+    except Exception as error:  # Pillow raises various types on damaged files
+        reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+        raise DriveError(f"cannot read the image {name}: {reason}.") from None
 
 
 def first_image_size_px(images: Mapping[int, Path]) -> tuple[int, int]:

@@ -1,8 +1,9 @@
-"""Writing an MCAP file of ROS 2 messages: the clouds of each scanner, and transforms.
+"""Writing an MCAP file of ROS 2 messages: clouds of scanners, images of cameras, transforms.
 
 ``/lidar/NAME`` holds the sweeps as they were measured, with the time of each point (``t``,
 nanoseconds after the stamp) where the scanner moved; ``/tf`` the pose of ``base_link`` (the
-vehicle) in ``map``, ``/tf_static`` the scanners' places in ``base_link``. The messages of a frame
+vehicle) in ``map``, ``/tf_static`` the sensors' places in ``base_link``. ``/camera/NAME`` holds
+JPEG images with their calibration. The messages of a frame
 form a chunk without compression. Source: mcap.dev/spec.
 """
 
@@ -15,13 +16,17 @@ from typing import NamedTuple
 
 import intervis
 from intervis.drives import mcap_file
-from intervis.drives.drive_writer import FrameRecord, Rig
+from intervis.drives.drive_writer import FrameRecord, ImageRecord, Rig, RigCamera, jpeg_of
 from intervis.drives.pcd_writer import point_table
 from intervis.drives.ros_messages import (
     CLOUD_TYPE,
     DEFINITIONS,
+    IMAGE_TYPE,
+    INFO_TYPE,
     TRANSFORMS_TYPE,
+    camera_info_message,
     cloud_message,
+    compressed_image_message,
     transforms_message,
 )
 
@@ -38,6 +43,9 @@ class McapWriter:
         self._poses_until_ns = -1
         topics = {"/tf": TRANSFORMS_TYPE, "/tf_static": TRANSFORMS_TYPE}
         topics |= {f"/lidar/{scanner.name}": CLOUD_TYPE for scanner in rig.scanners}
+        for camera in rig.cameras:
+            info, image = _camera_topics(camera)
+            topics |= {info: INFO_TYPE, image: IMAGE_TYPE}
         self._file = _Container(root / FILE_NAME, topics)
 
     def add(self, frame: FrameRecord) -> None:
@@ -47,6 +55,9 @@ class McapWriter:
             static = [
                 (frame.time_ns, EGO, scanner.name, scanner.ego_from_velo)
                 for scanner in self._rig.scanners
+            ] + [
+                (frame.time_ns, EGO, _optical_frame(camera), camera.ego_from_cam)
+                for camera in self._rig.cameras
             ]
             messages.append(_Message("/tf_static", frame.time_ns, transforms_message(static)))
         for time_ns, pose in zip(frame.track.times_ns.tolist(), frame.track.poses, strict=True):
@@ -57,6 +68,8 @@ class McapWriter:
         for scanner, scan in zip(self._rig.scanners, frame.scans, strict=True):
             cloud = cloud_message(point_table(scan), frame.time_ns, scanner.name)
             messages.append(_Message(f"/lidar/{scanner.name}", frame.time_ns, cloud))
+        for camera, image in zip(self._rig.cameras, frame.images, strict=False):
+            messages += _camera_messages(camera, image)
         self._file.write_chunk(sorted(messages, key=lambda message: message.time_ns))
 
     def close(self) -> Path:
@@ -74,6 +87,24 @@ class _Message(NamedTuple):
     topic: str
     time_ns: int
     content: bytes
+
+
+def _camera_topics(camera: RigCamera) -> tuple[str, str]:
+    """Topics of the calibration and of the images of a camera."""
+    return f"/camera/{camera.name}/camera_info", f"/camera/{camera.name}/image_rect/compressed"
+
+
+def _optical_frame(camera: RigCamera) -> str:
+    return f"camera_{camera.name}"
+
+
+def _camera_messages(camera: RigCamera, image: ImageRecord) -> list[_Message]:
+    """The calibration of a camera with an image, both at the time of the image."""
+    info, pixels = _camera_topics(camera)
+    frame_id = _optical_frame(camera)
+    calibration = camera_info_message(camera.camera, image.time_ns, frame_id)
+    content = compressed_image_message(jpeg_of(image), image.time_ns, frame_id)
+    return [_Message(info, image.time_ns, calibration), _Message(pixels, image.time_ns, content)]
 
 
 class _Container:

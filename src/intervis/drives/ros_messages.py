@@ -1,4 +1,4 @@
-"""Serializing ROS 2 messages in CDR: clouds of points and transforms.
+"""Serializing ROS 2 messages in CDR: clouds of points, cameras, images, transforms.
 
 The definitions list the fields of each type, as recordings carry them.
 """
@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array
+from intervis.camera import Camera
 from intervis.drives.drive_writer import quaternions
 
 CLOUD_TYPE, TRANSFORMS_TYPE = "sensor_msgs/msg/PointCloud2", "tf2_msgs/msg/TFMessage"
+INFO_TYPE, IMAGE_TYPE = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/CompressedImage"
 _HEADER = """
 ================================================================================
 MSG: std_msgs/Header
@@ -46,6 +48,27 @@ string name
 uint32 offset
 uint8 datatype
 uint32 count{_HEADER}""",
+    INFO_TYPE: f"""std_msgs/Header header
+uint32 height
+uint32 width
+string distortion_model
+float64[] d
+float64[9] k
+float64[9] r
+float64[12] p
+uint32 binning_x
+uint32 binning_y
+sensor_msgs/RegionOfInterest roi
+================================================================================
+MSG: sensor_msgs/RegionOfInterest
+uint32 x_offset
+uint32 y_offset
+uint32 height
+uint32 width
+bool do_rectify{_HEADER}""",
+    IMAGE_TYPE: f"""std_msgs/Header header
+string format
+uint8[] data{_HEADER}""",
     TRANSFORMS_TYPE: f"""geometry_msgs/TransformStamped[] transforms
 ================================================================================
 MSG: geometry_msgs/TransformStamped
@@ -123,6 +146,30 @@ def cloud_message(table: NDArray[np.void], time_ns: int, frame_id: str) -> bytes
     cdr.numbers("II", offset, offset * len(table))
     cdr.octets(table.tobytes())
     cdr.numbers("B", 1)
+    return cdr.message()
+
+
+def camera_info_message(camera: Camera, time_ns: int, frame_id: str) -> bytes:
+    """``sensor_msgs/CameraInfo`` of a camera without distortion, whose images are rectified."""
+    cdr = _Cdr()
+    cdr.header(time_ns, frame_id)
+    cdr.numbers("II", camera.height_px, camera.width_px)
+    cdr.text("plumb_bob")
+    cdr.numbers("I", 5)
+    cdr.numbers("ddddd", *np.zeros(5))
+    for matrix in (camera.projection[:, :3], np.eye(3), camera.projection):
+        cdr.numbers("d" * matrix.size, *matrix.ravel().tolist())
+    cdr.numbers("IIIIII", 0, 0, 0, 0, 0, 0)  # neither binned nor cut
+    cdr.numbers("B", 0)
+    return cdr.message()
+
+
+def compressed_image_message(jpeg: bytes, time_ns: int, frame_id: str) -> bytes:
+    """``sensor_msgs/CompressedImage`` of a JPEG image."""
+    cdr = _Cdr()
+    cdr.header(time_ns, frame_id)
+    cdr.text("jpeg")
+    cdr.octets(jpeg)
     return cdr.message()
 
 

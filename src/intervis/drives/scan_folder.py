@@ -24,10 +24,21 @@ EXPECTED_FILES = (
     f"scans ending in {' '.join(READERS)}, in it, in pcd/ or in scans/ (a folder of scans)"
 )
 
+SUBFOLDERS, TRACK_FILES = ("pcd", "scans"), ("poses.txt", "times.txt")
+
 
 def find_roots(path: Path) -> list[Path]:
-    """`path`, if there are scans in it or in its ``scans``."""
-    return [path] if _scans(path) else []
+    """`path`, if there are scans in it or in its ``scans``.
+
+    Where it is that subfolder itself, and poses, times or a calibration lie beside it: the folder
+    above, whose files belong to the scans.
+    """
+    scans = _scans(path)
+    if path.name in SUBFOLDERS and scans and _scans(path.parent) == scans:
+        beside = (*TRACK_FILES, *RAW_FILES)
+        if any((path.parent / file).is_file() for file in beside):
+            return [path.parent]
+    return [path] if scans else []
 
 
 def read_drive(root: Path, camera: str | None) -> Drive:
@@ -46,14 +57,14 @@ def read_drive(root: Path, camera: str | None) -> Drive:
     chosen = pick_camera(camera, names, (), root)
     poses, read = stated_poses(scans)
     pose_files: list[Path] = []
-    pose_path = root / "poses.txt"
+    pose_path, time_path = (root / file for file in TRACK_FILES)
     if pose_path.is_file():
         poses = lines_by_number(read_poses(pose_path), list(scans), pose_path)
         pose_files = [pose_path]
     elif ENDING in endings:
         stations, pose_files = station_poses(scans)
         poses = stations or None
-    timestamps_ns, time_path = {}, root / "times.txt"
+    timestamps_ns = {}
     if time_path.is_file():
         lines = lines_by_number(read_seconds(time_path), list(scans), time_path)
         timestamps_ns = known_timestamps(lines)
@@ -79,7 +90,8 @@ def _scans(root: Path) -> list[Path]:
 
     The DynamicMap benchmark keeps scans in ``pcd``, and maps of all of them beside that folder.
     """
-    for folder in (root / "pcd", root, root / "scans"):
+    first, last = SUBFOLDERS
+    for folder in (root / first, root, root / last):
         if folder.is_dir():
             paths = [
                 path

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from intervis.arguments import is_count, shown
 from intervis.arrays import Float64Array, finite_rows
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError, SettingsError
 from intervis.kernels import thread_count
 from intervis.live.stream import Stream
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
+from intervis.sight.query_checks import rate_of
 from intervis.transform import transform
 
 TARGET_SHARES = (0.5, 1.5)
@@ -124,11 +126,12 @@ def replay(
         The drive has no poses, or no times and no `scans_per_s` is given, or none of its frames
         could be replayed.
     SettingsError
-        A number is not positive.
+        A number is out of range.
     """
-    for name, value in (("rate", rate), ("scans_per_s", scans_per_s or 1), ("sights", sights)):
-        if not (np.isfinite(value) and value > 0):
-            raise SettingsError(f"{name} must be a positive number, got {value!r}.")
+    rate = rate_of("rate", rate)
+    scans_per_s = None if scans_per_s is None else rate_of("the scans a second", scans_per_s)
+    if not is_count(sights):
+        raise SettingsError(f"sights must be a whole number of 1 or more, got {shown(sights)}.")
     due_s = _due_times_s(drive, numbers, rate, scans_per_s)
     if not drive.poses:
         raise DriveError(f"{drive.name} has no poses: a replay registers its scans by them.")
@@ -155,7 +158,7 @@ def replay(
             answered = clock()
             taken.append((pushed - began, answered - pushed, answered - due))
             done.append(number)
-        (progress or silent)(f"frame {number}")
+        reporter(progress)(f"frame {number}")
     if not done:
         reason = next(iter(skipped.values()), "it has none")
         raise DriveError(f"no frame of {drive.name} could be replayed: {reason}")

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
+from intervis.arguments import function_of, object_of
 from intervis.arrays import (
     BoolArray,
     Float64Array,
     FloatArray,
     IntArray,
-    checked_point,
+    checked_place,
     checked_points,
 )
 from intervis.camera import Camera, default_viewpoint
@@ -176,7 +177,7 @@ def analyze(
     ----------
     points : (N, 3) or (N, 4) float array
         Raw scan, sensor frame (x forward, y left, z up), metres. Rows that are no return (NaN,
-        infinite, or 0, 0, 0) are left out and counted.
+        infinite, beyond 1e9 m, or 0, 0, 0) are left out and counted.
     camera, cam_from_velo : Camera and (4, 4) array, or None
         The camera whose field of view is analysed, and its extrinsics (sensor to rectified camera
         frame). Without a camera, or with ``settings.view`` other than "camera", it is an azimuth
@@ -209,7 +210,8 @@ def analyze(
     >>> result.measures.n, result.measures.SP == result.measures.N + result.measures.n - 1
     (100, True)
     """
-    settings = Settings() if settings is None else settings
+    settings = object_of(Settings() if settings is None else settings, Settings, "settings")
+    function_of(tau_for, "tau_for")
     raw = checked_points(points)
     extrinsics = checked_extrinsics(camera, cam_from_velo)
     clock = Clock()
@@ -329,6 +331,7 @@ def checked_extrinsics(
         raise CameraError(
             "cam_from_velo is given without a camera: pass the camera too, or leave both out."
         )
+    object_of(camera, Camera, "camera")
     return checked_pose(cam_from_velo, "cam_from_velo")
 
 
@@ -370,7 +373,7 @@ def meta_viewpoint(
 ) -> Float64Array:
     """P0: the given viewpoint, else the camera's centre, else the sensor."""
     if viewpoint is not None:
-        return checked_point(viewpoint)
+        return checked_place(viewpoint)
     return default_viewpoint(camera, cam_from_velo)
 
 

@@ -11,6 +11,9 @@ from intervis.kernels import kernel
 AZIMUTH_FOV_DEG = {"circle": 360.0, "wide": 180.0, "front": 90.0}
 """Azimuth fields of view by name, centred on the sensor's x axis, for scans without a camera."""
 
+FARTHEST_M = 1e9
+"""Rows whose magnitudes sum to more are no return."""
+
 
 @dataclass(frozen=True, eq=False)
 class FieldOfView:
@@ -23,8 +26,8 @@ class FieldOfView:
     n_raw : int
         Returns of the raw scan.
     n_dropped : int
-        Rows that are no return and are left out: a coordinate is NaN or infinite, or all three are
-        0, which some files store for a beam without return.
+        Rows that are no return and are left out: a coordinate is NaN, infinite or beyond
+        1e9 m, or all three are 0, which some files store for a beam without return.
     """
 
     index: IntArray
@@ -84,8 +87,8 @@ def in_azimuth(points_velo: FloatArray, fov_deg: float) -> FieldOfView:
 
 @kernel
 def _is_return(x: float, y: float, z: float) -> bool:
-    # The sum is finite only if all three are. (0, 0, 0) marks a beam without return.
-    return bool(np.isfinite(x + y + z) and not (x == 0.0 and y == 0.0 and z == 0.0))
+    # The sum is NaN or large exactly when a term is. (0, 0, 0) marks a beam without return.
+    return bool(0.0 < abs(x) + abs(y) + abs(z) <= FARTHEST_M)
 
 
 @kernel

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
+from intervis.errors import PointsError
 from intervis.kernels import in_parts, kernel
 from intervis.method.sampling import select
 
@@ -35,6 +36,11 @@ def nearest_neighbours(points: Float64Array, count: int) -> IntArray:
     count : int
         Neighbours wanted; K is V - 1 where there are not so many.
 
+    Raises
+    ------
+    PointsError
+        A coordinate is not finite.
+
     Examples
     --------
     >>> nearest_neighbours(np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0], [9, 0, 0]]), 2)
@@ -43,6 +49,8 @@ def nearest_neighbours(points: Float64Array, count: int) -> IntArray:
            [1, 0],
            [1, 2]])
     """
+    if not np.isfinite(points).all():
+        raise PointsError("points must be finite: leave the other rows out.")
     rows = len(points)
     count = max(0, min(count, rows - 1))
     found = np.empty((rows, count), np.int64)

@@ -23,7 +23,7 @@ from intervis.plots.style import (
     page_figure,
     save_figure,
 )
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.transform import inverse
 
 if TYPE_CHECKING:
@@ -304,7 +304,7 @@ def save_pictures(
     OutputError
         A file cannot be written.
     """
-    progress = progress or silent
+    progress = reporter(progress)
     pictures: dict[str, Callable[[], Figure]] = {"overview": lambda: overview(frame, analysis)}
     if frame.camera is not None:
         pictures["camera"] = lambda: camera_view(frame, analysis)

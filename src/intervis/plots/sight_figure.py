@@ -74,7 +74,7 @@ def sight_picture(
     wide_m, high_m = window[1] - window[0]
     above_in = 1.0 + 5.6 * high_m / wide_m
     camera = frame.camera
-    if camera is None or frame.image_path is None:
+    if camera is None or not frame.has_image:
         with page_figure(above_in) as (figure, axes):
             _draw_above(axes, points, sight, viewpoint, window, line, end)
             legend_below(figure, axes)

@@ -12,7 +12,7 @@ from intervis.errors import MissingExtraError, OutputError
 from intervis.files import write_text
 from intervis.plots.page import Page, Picture, Remark
 from intervis.plots.tables import Table
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.run.frame_file import frame_path, load_analysis
 from intervis.run.tables import measures_table, pace_table, times_table
 
@@ -100,7 +100,7 @@ def report_run(
     OutputError
         A file cannot be written, or the run has no frame with a result.
     """
-    progress = progress or silent
+    progress = reporter(progress)
     if not summary.frames:
         raise OutputError(f"the run in {summary.out} has no frame with a result.")
     number = summary.frames[len(summary.frames) // 2].number

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from intervis.errors import DriveError, OutputError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.run.frame_file import FrameRecord
 from intervis.run.frame_sight import SightRequest
 from intervis.run.pace import Pace, budget_kept
@@ -161,7 +161,7 @@ def run_drive(
         stretches = stretches[shard[0] - 1 :: shard[1]]
     with run_folder(out, head, settings, shard=shard, overwrite=overwrite):
         pace = Pace(one_by_one=executor is None)
-        records, failures = _collected(stretches, executor, pace, progress or silent)
+        records, failures = _collected(stretches, executor, pace, reporter(progress))
         content = summarize(
             head,
             records,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from intervis.arguments import object_of
 from intervis.arrays import Float64Array, checked_point
 from intervis.result_table import metres, result_table
 from intervis.sight.answers import OCCLUDED, VISIBLE
@@ -90,6 +91,7 @@ def explain(
     >>> print(explain(Scene.from_scan(wall), [0, 0, 0], [30, 1, 0]))
     Occluded: visible with a probability of ... %. An observed surface occludes the line 10.0 m...
     """
+    object_of(scene, Scene, "scene")
     start = checked_point(viewpoint, "viewpoint")
     end = checked_point(target, "target")
     sight = scene.sight(start, end[None], risk=risk, moment_s=moment_s)

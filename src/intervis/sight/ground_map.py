@@ -8,7 +8,7 @@ assumption for the prior alone: the height of the nearest known cell, marked by 
 
 import numpy as np
 
-from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
+from intervis.arrays import LARGEST_M, BoolArray, Float32Array, Float64Array, IntArray
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.kernels.terrain import (
     ASSUMED_OFFSET_M,
@@ -88,11 +88,11 @@ def ground_height(scans: PackedScans, xy: Float64Array, count: int = 1) -> Float
     """Height (N,) of the ground below points (N, 2) of the scene, metres.
 
     With a count of 1 that of the nearest scan. Where this scan does not show the ground, that of
-    the nearest cell where it does; NaN if it shows none, or the point is not finite. With a larger
-    count the median of so many nearest scans that show the ground there, so that ghosts below the
-    ground in one scan do not matter; as with 1 where none shows it.
+    the nearest cell where it does; NaN if it shows none, or the point is not finite or farther
+    than 1e9 m. With a larger count the median of so many nearest scans that show the ground there,
+    so that ghosts below the ground in one scan do not matter; as with 1 where none shows it.
     """
-    finite = np.asarray(np.isfinite(xy).all(axis=1))
+    finite = np.asarray((np.abs(xy) <= LARGEST_M).all(axis=1))
     xy = np.where(finite[:, None], xy, 0.0)
     height_m, _ = _height_by(scans, xy, nearest_scans(scans, xy))
     if count > 1:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations  # help() then shows ArrayLike by its name
 
-from numbers import Integral
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from intervis.arguments import is_count, shown
 from intervis.arrays import (
+    LARGEST_M,
     Float64Array,
     IntArray,
-    array_of,
+    checked_place,
     checked_point,
     checked_points,
     finite_rows,
+    numbers_of,
 )
 from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.result_table import metres, result_table
@@ -27,6 +29,7 @@ from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.projected_scan import project_scan
 from intervis.sight.query_checks import (
+    boxes_of,
     finite_number,
     positive_length,
     targets_of,
@@ -77,12 +80,14 @@ class Scene:
     ) -> None:
         if not (sensor is None or isinstance(sensor, str | Sensor)):
             raise SettingsError(
-                f"sensor must be a Sensor, the name of a preset, or None, got {sensor!r}."
+                f"sensor must be a Sensor, the name of a preset, or None, got {shown(sensor)}."
             )
         limits: dict[str, object] = {"max_scans": max_scans, "max_bytes": max_bytes}
         for name, limit in limits.items():
-            if isinstance(limit, bool) or not isinstance(limit, Integral):
-                raise SettingsError(f"{name} must be a whole number of 1 or more, got {limit!r}.")
+            if not is_count(limit):
+                raise SettingsError(
+                    f"{name} must be a whole number of 1 or more, got {shown(limit)}."
+                )
         self.sensor = sensor_named(sensor) if isinstance(sensor, str) else sensor
         self._buffer = ScanBuffer(max_scans, max_bytes)
 
@@ -293,8 +298,10 @@ class Scene:
         """
         max_range_m = positive_length("max_range_m", max_range_m)
         from_points = viewpoints_of(viewpoints)
+        if from_points.size and np.abs(from_points).max() > LARGEST_M:
+            raise PointsError(f"the viewpoints must be within {LARGEST_M:g} m.")
         to_points = targets_of(targets)
-        finite = np.flatnonzero(np.isfinite(to_points).all(axis=1))
+        finite = np.flatnonzero((np.abs(to_points) <= LARGEST_M).all(axis=1))
         near = cKDTree(from_points).sparse_distance_matrix(
             cKDTree(to_points[finite]), max_range_m, output_type="ndarray"
         )
@@ -355,16 +362,9 @@ class Scene:
         >>> seen.occluded.round(1), seen.visible.round(1)
         (array([1., 1., 0.]), array([0., 0., 1.]))
         """
-        start = checked_point(viewpoint)
-        sizes = array_of(size_m, "size_m").astype(np.float64).reshape(-1, 3)
-        poses = [checked_pose(pose, "scene_from_box") for pose in np.asarray(scene_from_box)]
-        if len(poses) != len(sizes):
-            raise PointsError(
-                f"each box needs a pose and a size, got {len(poses)} poses and {len(sizes)} sizes."
-            )
-        if not (np.isfinite(sizes).all() and (sizes > 0.0).all()):
-            raise PointsError("the sizes of boxes must be positive and finite, in metres.")
-        surface = facing_surfaces(start, np.array(poses).reshape(-1, 4, 4), sizes)
+        start = checked_place(viewpoint)
+        poses, sizes = boxes_of(scene_from_box, size_m)
+        surface = facing_surfaces(start, poses, sizes)
         sight = self.sight(start, surface.points, risk=risk, moment_s=moment_s)
         return box_sight(start, surface, sight, len(sizes))
 
@@ -395,7 +395,7 @@ class Scene:
         >>> Scene.from_scan(flat).ground_height([[3.0, 4.0], [20.0, 0.0]])
         array([-2., -2.])
         """
-        points = array_of(xy, "xy").astype(np.float64)
+        points = numbers_of(xy, "xy")
         if points.ndim != 2 or points.shape[1] != 2:
             raise PointsError(f"xy must have the shape (N, 2), got {points.shape}.")
         return ground_height(self.packed_scans(), points, scans)

@@ -6,7 +6,8 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from intervis.arrays import Float64Array, FloatArray, IntArray
+from intervis.arguments import object_of, shown
+from intervis.arrays import Float64Array, FloatArray, IntArray, checked_points, finite_rows
 from intervis.errors import SettingsError
 from intervis.sight.kernels.beam_pattern import list_by_cell, neighbour_angles
 from intervis.sight.projected_scan import ProjectedScan, project_scan
@@ -62,12 +63,18 @@ class Sensor:
     divergence_deg: float
 
     def __post_init__(self) -> None:
+        object_of(self.name, str, "a sensor's name")
         for field in fields(self)[1:]:
             value: object = getattr(self, field.name)
-            if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
-                raise SettingsError(f"a sensor's {field.name} must be a number, got {value!r}.")
+            if isinstance(value, bool) or not isinstance(value, Real) or not _is_finite(value):
+                raise SettingsError(
+                    f"a sensor's {field.name} must be a number, got {shown(value)}."
+                )
             if field.name == "beams" and not isinstance(value, Integral):
-                raise SettingsError(f"a sensor's beams must be a whole number, got {value!r}.")
+                raise SettingsError(f"a sensor's beams must be a whole number, got {shown(value)}.")
+            # Numbers of other types overflow where they are compared.
+            number = int(value) if isinstance(value, Integral) else float(value)
+            object.__setattr__(self, field.name, number)
         if self.beams < 1:
             raise SettingsError(f"a sensor needs one beam at least, got {self.beams}.")
         if not -90.0 <= self.lowest_deg < self.highest_deg <= 90.0:
@@ -93,6 +100,13 @@ class Sensor:
     def beam_spacing_deg(self) -> float:
         """Mean angle between neighbouring beams."""
         return (self.highest_deg - self.lowest_deg) / max(self.beams - 1, 1)
+
+
+def _is_finite(value: Real) -> bool:
+    try:
+        return isfinite(value)
+    except OverflowError:  # a whole number that no float holds
+        return False
 
 
 # From the manufacturers' data sheets: field of view, range on a reflective target, rate at 10 Hz.
@@ -121,10 +135,11 @@ def sensor_named(name: str) -> Sensor:
     >>> sensor_named("vlp-16").beams
     16
     """
+    object_of(name, str, "the name of a sensor")
     for known, sensor in SENSORS.items():
         if known.lower() == name.lower():
             return sensor
-    raise SettingsError(f"there is no sensor {name!r}; choose one of {', '.join(SENSORS)}.")
+    raise SettingsError(f"there is no sensor {shown(name)}; choose one of {', '.join(SENSORS)}.")
 
 
 def sensor_of_scan(points_velo: FloatArray) -> Sensor:
@@ -136,7 +151,7 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     Parameters
     ----------
     points_velo : (N, 3) float array
-        Finite points in the sensor's frame, metres.
+        In the sensor's frame, metres; rows that are not finite are left out.
 
     Returns
     -------
@@ -153,7 +168,8 @@ def sensor_of_scan(points_velo: FloatArray) -> Sensor:
     >>> sensor.beams, round(sensor.highest_deg), round(sensor.azimuth_step_deg, 1)
     (16, 15, 0.4)
     """
-    return sensor_of_projected(project_scan(points_velo))
+    points = checked_points(points_velo, "points_velo")
+    return sensor_of_projected(project_scan(points[finite_rows(points)]))
 
 
 def sensor_of_projected(scan: ProjectedScan) -> Sensor:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intervis.arguments import shown
 from intervis.arrays import BoolArray, Float64Array
 from intervis.result_table import result_table, share
 from intervis.sight.answers import OCCLUDED, UNKNOWN, VISIBLE
@@ -83,7 +84,11 @@ class Sight:
 
     def __getitem__(self, key: Any) -> Sight:
         # One index for the lines, so that no key reaches the coordinates of `blocker`.
-        at = np.arange(self.state.size).reshape(self.state.shape)[key]
+        try:
+            at = np.arange(self.state.size).reshape(self.state.shape)[key]
+        except (IndexError, OverflowError, ValueError):
+            lines = " x ".join(map(str, self.state.shape))
+            raise IndexError(f"a Sight of {lines} lines has none at {shown(key)}.") from None
         return Sight(
             np.asarray(self.state.reshape(-1)[at]),
             np.asarray(self.probability.reshape(-1)[at]),

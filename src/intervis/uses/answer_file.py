@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from intervis.arrays import Float64Array
-from intervis.errors import OutputError
+from intervis.arguments import object_of, path_of
+from intervis.arrays import Float64Array, checked_point
+from intervis.errors import OutputError, PointsError
 from intervis.files import write_bytes
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Sight
+from intervis.sight.query_checks import targets_of
 
 WORDS = {VISIBLE: "visible", OCCLUDED: "occluded", UNKNOWN: "unknown"}
 COLUMNS = ("probability", "clearance", "observed")
@@ -40,8 +42,17 @@ def save_answers(path: Path, viewpoint: Float64Array, targets: Float64Array, sig
     ------
     OutputError
         The ending is another one, or the file cannot be written.
+    PointsError
+        The targets are not as many as the answers, or as `intervis.Scene.sight`.
     """
-    write_bytes(path, _writer(path)(viewpoint, targets, sight))
+    path = path_of(path, "path")
+    object_of(sight, Sight, "sight")
+    start, ends = checked_point(viewpoint), targets_of(targets)
+    if sight.state.shape != (len(ends),):
+        raise PointsError(
+            f"{len(ends)} targets need as many answers, got a Sight of shape {sight.state.shape}."
+        )
+    write_bytes(path, _writer(path)(start, ends, sight))
 
 
 def check_ending(path: Path | None) -> None:
@@ -102,8 +113,9 @@ def _ply(_: Float64Array, targets: Float64Array, sight: Sight) -> bytes:
     fields = [(axis, "<f4") for axis in "xyz"] + [("state", "i1")]
     fields += [(name, "u1") for name in ("red", "green", "blue")] + [(n, "<f4") for n in COLUMNS]
     table = np.zeros(len(targets), fields)
-    for nth, axis in enumerate("xyz"):
-        table[axis] = targets[:, nth]
+    with np.errstate(over="ignore"):  # beyond float32: infinite
+        for nth, axis in enumerate("xyz"):
+            table[axis] = targets[:, nth]
     table["state"] = sight.state
     palette = np.array([COLOURS[state] for state in (UNKNOWN, OCCLUDED, VISIBLE)], np.uint8)
     for nth, name in enumerate(("red", "green", "blue")):

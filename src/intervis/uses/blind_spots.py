@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from intervis.arguments import object_of
 from intervis.arrays import BoolArray, Float64Array
 from intervis.plots.tables import Table
+from intervis.sight.query_checks import finite_number
 from intervis.uses.visibility_grid import VisibilityGrid, blind_cells, occluded_share
 
 LEAST_AREA_M2 = 1.0
@@ -60,6 +62,8 @@ def blind_spots(grid: VisibilityGrid, *, least_area_m2: float = LEAST_AREA_M2) -
 
     Cells that touch along an edge are connected.
     """
+    object_of(grid, VisibilityGrid, "grid")
+    least_area_m2 = finite_number("least_area_m2", least_area_m2, "square metres")
     label, _ = ndimage.label(blind_cells(grid))
     range_m, middles = grid.range_m, grid.middles
     spots = []

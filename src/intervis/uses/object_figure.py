@@ -42,7 +42,7 @@ def object_picture(
     star = checked_point(viewpoint)[:2]
     near = [one for one in objects if one.range_m < FARTHEST_M] or list(objects[:1])
     camera = frame.camera
-    if camera is None or frame.image_path is None:
+    if camera is None or not frame.has_image:
         with page_figure(4.5) as (figure, axes):
             _draw_above(axes, frame, near, star)
             return figure

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from intervis.arguments import object_of
 from intervis.arrays import Float64Array, checked_point
 from intervis.drives import Frame
 from intervis.drives.boxes import Box
@@ -104,6 +105,8 @@ def objects_of_frame(
     PointsError, SceneError, SettingsError
         As `intervis.Scene.sight_boxes`.
     """
+    object_of(frame, Frame, "frame")
+    object_of(scene, Scene, "scene")
     start, boxes = checked_point(viewpoint), frame.boxes
     if not boxes:
         return []

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import Scene
 from intervis.transform import inverse
 
@@ -21,7 +21,7 @@ def registered_scene(
     DriveError
         A frame has no pose, or cannot be read.
     """
-    report = progress or silent
+    report = reporter(progress)
     scene = Scene(max_scans=max(64, len(numbers) + 1))
     for number in numbers:
         other = drive[number]

@@ -6,7 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from intervis.arrays import BoolArray, Float64Array, FloatArray, checked_point, finite_rows
+from intervis.arguments import object_of
+from intervis.arrays import (
+    BoolArray,
+    Float64Array,
+    FloatArray,
+    checked_place,
+    checked_points,
+    finite_rows,
+)
 from intervis.errors import SettingsError
 from intervis.sight import UNKNOWN, Scene
 from intervis.sight.ground_map import nearest_scans, shown_ground
@@ -15,6 +23,9 @@ from intervis.sight.query_checks import positive_length
 
 MOST_CELLS = 4_000_000
 """Cells of a grid at most: some 300 MB while it is answered."""
+
+MOST_HEIGHT_M = 1000.0
+"""Height above ground at most: lines to higher cells take long and leave the scans."""
 
 GROUND_WITHIN_M = 20.0
 """Cells are judged where a scan shows the ground within this distance."""
@@ -102,14 +113,18 @@ def visibility_grid(
     Raises
     ------
     SettingsError
-        A length is not positive and finite, or the grid would have too many cells.
+        A length is not positive and finite, the height is above 1,000 m, or the grid would have
+        too many cells.
     PointsError, SceneError
         As `intervis.Scene.sight`.
     """
-    start = checked_point(viewpoint)
+    object_of(scene, Scene, "scene")
+    start, returns = checked_place(viewpoint), checked_points(returns, "returns")
     reach_m = positive_length("reach_m", reach_m)
     cell_m = positive_length("cell_m", cell_m)
     height_m = positive_length("height_m", height_m)
+    if height_m > MOST_HEIGHT_M:
+        raise SettingsError(f"height_m must be at most {MOST_HEIGHT_M:g} m, got {height_m:g}.")
     count = int(np.ceil(min(2.0 * reach_m / cell_m, 1e6)))
     if count * count > MOST_CELLS:
         raise SettingsError(
@@ -154,7 +169,8 @@ def obstacle_cells(
 ) -> BoolArray:
     """Cells (I, J) that hold returns at heights of obstacles."""
     points = np.asarray(returns[finite_rows(returns), :3], np.float64)
-    cell = np.floor((points[:, :2] - corner) / cell_m)
+    with np.errstate(over="ignore"):
+        cell = np.floor((points[:, :2] - corner) / cell_m)
     inside = ((cell >= 0) & (cell < count)).all(axis=1)
     points, cell = points[inside], cell[inside].astype(np.int64)
     above_m = points[:, 2] - scene.ground_height(points[:, :2])

@@ -10,7 +10,7 @@ from intervis.arrays import Float64Array
 from intervis.drives import Drive
 from intervis.errors import ScanError
 from intervis.kernels import thread_count
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.view.frame_judge import frame_judge
 from intervis.view.judged_frame import JudgedFrame
 from intervis.view.view_request import ViewRequest, fixed_place_world, viewpoint_in_frame
@@ -58,7 +58,7 @@ def judge_frames(
     DriveError
         A frame lacks the camera or the pose that the request needs, or no scan can be read.
     """
-    report = progress or silent
+    report = reporter(progress)
     fixed_world = None
     if request.is_fixed:
         fixed_world = fixed_place_world(drive[numbers[0]], request.viewpoint)

@@ -1,16 +1,17 @@
 """The interactive page in a notebook: an object that Jupyter shows as the page."""
 
 import html
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import Float32Array, checked_point, checked_points
+from intervis.arguments import flag_of, is_count, objects_of, shown, whole_numbers_of
+from intervis.arrays import Float32Array, checked_place, checked_points
 from intervis.drives import Drive, Frame
-from intervis.errors import PointsError, SettingsError
+from intervis.errors import ArgumentError, PointsError, SettingsError
 from intervis.sight import Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.view.frame_data import frame_data
@@ -27,11 +28,6 @@ from intervis.view.view_request import (
 
 MOST_MB = 25.0
 """Pages of a notebook are no larger: it stores each, and loads all of them."""
-
-MOST_HEIGHT_PX = 10_000
-
-FARTHEST_PLACE_M = 1e7
-"""Viewpoints and ends of lines are no farther, as on the command line."""
 
 NAMED_PLACES = ("camera", "sensor")
 
@@ -147,8 +143,8 @@ def show(
         A scene is given without points, points without a scene, or coordinates are not finite or
         too large.
     SettingsError
-        The source is none of these, a number is out of range, an argument is not about the source,
-        or the page is too large for a notebook.
+        A number is out of range, an argument is not about the source, or the page is too large for
+        a notebook.
     MissingExtraError
         A live page is asked for, and anywidget is not installed.
     DriveError
@@ -161,15 +157,24 @@ def show(
     >>> show(Scene.from_scan(wall), wall, viewpoint=[0, 2, 0])
     <NotebookPage: 0.1 MB>
     """
-    _check_source(source, frames, moment_s)
-    height_px = _checked_height(height_px)
+    is_live = flag_of(is_live, "is_live")
+    if not is_count(height_px):
+        raise SettingsError(f"height_px must be 1 or more, got {shown(height_px)}.")
+    if not isinstance(source, Drive | Frame | Scene):
+        raise ArgumentError(f"source must be a Drive, a Frame or a Scene, got {shown(source)}.")
+    if frames is not None and not isinstance(source, Drive):
+        raise SettingsError("frames are the frame numbers of a drive: leave them out.")
+    if moment_s is not None and not isinstance(source, Scene):
+        raise SettingsError("moment_s is the query time of a scene: leave it out.")
+    if frames is not None:
+        frames = whole_numbers_of(frames, "frames")
     if (points is None) == isinstance(source, Scene):
         raise PointsError("show takes points with a scene, and only with a scene.")
     if is_live:
         require_anywidget()
     request = ViewRequest(
         viewpoint=_viewpoint(source, viewpoint),
-        ends=_ends(ends),
+        ends=[_place(end) for end in cast(list[ArrayLike], objects_of(ends, object, "ends"))],
         risk=risk,
         most_frames=most_frames,
         most_returns=most_returns,
@@ -191,7 +196,7 @@ def _content(
 ) -> tuple[bytes, PageEngine]:
     """The page, and the engine that answers its questions."""
     if isinstance(source, Drive):
-        given = source.frame_numbers if frames is None else list(frames)
+        given = source.frame_numbers if frames is None else frames
         if not len(given):
             raise SettingsError("frames holds no frame number: give at least one, or None for all.")
         numbers = thinned_frames(given, request.most_frames)
@@ -227,7 +232,7 @@ def _viewpoint(source: Drive | Frame | Scene, viewpoint: ArrayLike | str | None)
     if isinstance(viewpoint, str):
         if viewpoint not in NAMED_PLACES or isinstance(source, Scene):
             names = "X, Y, Z" if isinstance(source, Scene) else "camera, sensor, or X, Y, Z"
-            raise PointsError(f"viewpoint must be {names} in metres, got {viewpoint!r}.")
+            raise PointsError(f"viewpoint must be {names} in metres, got {shown(viewpoint)}.")
         return viewpoint
     if viewpoint is not None:
         return _place(viewpoint)
@@ -238,42 +243,8 @@ def _viewpoint(source: Drive | Frame | Scene, viewpoint: ArrayLike | str | None)
     return "sensor" if camera is None else "camera"
 
 
-def _check_source(source: object, frames: object, moment_s: object) -> None:
-    """Raise where the source cannot be shown, or an argument is not about it."""
-    if not isinstance(source, Drive | Frame | Scene):
-        raise SettingsError(
-            f"show takes a Drive, a Frame or a Scene, got {type(source).__name__}: open a folder or"
-            " file with intervis.open_drive, make a scene of points with intervis.Scene.from_scan."
-        )
-    if frames is not None and not (isinstance(source, Drive) and isinstance(frames, Iterable)):
-        raise SettingsError("frames are the frame numbers of a drive, as [0, 5]: leave them out.")
-    if moment_s is not None and not isinstance(source, Scene):
-        raise SettingsError("moment_s is the query time of a scene: leave it out.")
-
-
-def _checked_height(height_px: Any) -> int:
-    is_whole = isinstance(height_px, int | np.integer) and not isinstance(height_px, bool)
-    if not (is_whole and 1 <= height_px <= MOST_HEIGHT_PX):
-        raise SettingsError(
-            f"height_px must be a whole number of pixels from 1 to {MOST_HEIGHT_PX:,}, got"
-            f" {height_px!r}."
-        )
-    return int(height_px)
-
-
-def _ends(ends: object) -> list[tuple[float, float, float]]:
-    if not isinstance(ends, Iterable):
-        raise PointsError(f"ends must be a list of places in metres, got {ends!r}.")
-    return [_place(end) for end in ends]
-
-
 def _place(point: ArrayLike) -> tuple[float, float, float]:
-    place = checked_point(point, "a place")
-    if np.abs(place).max() > FARTHEST_PLACE_M:
-        raise PointsError(
-            f"a place lies within {FARTHEST_PLACE_M:g} m of the origin, got {point!r}."
-        )
-    x, y, z = place.tolist()
+    x, y, z = checked_place(point, "a place").tolist()
     return x, y, z
 
 

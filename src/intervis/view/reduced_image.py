@@ -33,7 +33,7 @@ class ReducedImage:
 
 def reduced_image(frame: Frame) -> ReducedImage | None:
     """The image of a frame as JPEG; None, with a warning, where it cannot be read."""
-    if frame.image_path is None or frame.camera is None:
+    if not frame.has_image or frame.camera is None:
         return None
     try:
         image = frame.image

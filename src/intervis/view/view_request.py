@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from intervis.arguments import is_count, shown
 from intervis.arrays import Float64Array
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError, SettingsError
 from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE
+from intervis.sight.query_checks import finite_number
 from intervis.transform import inverse, transform
 
 Place = str | tuple[float, float, float]
@@ -59,20 +61,19 @@ class ViewRequest:
     has_method: bool = True
 
     def __post_init__(self) -> None:
-        is_number = isinstance(self.risk, int | float | np.number)
-        if not (is_number and RISK_RANGE[0] <= self.risk <= RISK_RANGE[1]):
+        risk = finite_number("--risk", self.risk, f"{RISK_RANGE[0]} to {RISK_RANGE[1]}")
+        object.__setattr__(self, "risk", risk)
+        if not RISK_RANGE[0] <= self.risk <= RISK_RANGE[1]:
             raise SettingsError(
-                f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {self.risk!r}."
+                f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {self.risk}."
             )
         for option, value, least in (
             ("--memory", self.memory, 0),
             ("--most", self.most_frames, 1),
             ("--returns", self.most_returns, 1),
         ):
-            if not isinstance(value, int | np.integer) or value < least:
-                raise SettingsError(
-                    f"{option} must be a whole number, {least} or more, got {value!r}."
-                )
+            if not is_count(value, least):
+                raise SettingsError(f"{option} must be {least} or more, got {shown(value)}.")
 
 
 def thinned_frames(numbers: Sequence[int], most: int) -> list[int]:

@@ -27,7 +27,7 @@ from intervis.lab.truth.evaluation import chosen_pairs, held_out_query_sets
 from intervis.lab.truth.labelled_targets import HeldOutSettings
 from intervis.lab.worlds.places import PLACES, Place
 from intervis.lab.worlds.ray_casting import require_embreex
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import Scene
 from intervis.sight import occupancy_model as model
 from intervis.sight.answers import answer_lines, sum_lines
@@ -61,7 +61,7 @@ def calibrate_model(plan: Plan, data: Path, *, progress: Progress | None = None)
     DriveError
         A drive cannot be opened, or lacks frames, poses or a reference for a pair.
     """
-    report = progress or silent
+    report = reporter(progress)
     check_inputs(plan, data)
     knots = {name: model.FITTED[name] for name in curves.KNOTS}
     table = sample_table(

@@ -28,7 +28,7 @@ from intervis.method.granularity import (
     TAU_CANDIDATES,
     machine_speed_factor,
 )
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def calibrate_granularity(plan: Plan, data: Path, *, progress: Progress | None =
         A drive cannot be opened.
     """
     section = check_granularity(plan, data)
-    report = progress or silent
+    report = reporter(progress)
     frames: list[Frame] = []
     for name in section.drives:
         with opened(name, data) as drive:

@@ -20,7 +20,7 @@ from intervis.lab.worlds.beam_pattern import PATTERNS
 from intervis.lab.worlds.mounts import MOUNTS
 from intervis.lab.worlds.places import PLACES
 from intervis.plots.tables import Table
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import occupancy_model as model
 
 
@@ -86,7 +86,7 @@ def leave_each_out(
     plan: Plan, data: Path, names: Sequence[str], *, progress: Progress | None = None
 ) -> Iterator[LeftOut]:
     """Leave out one of `names` (`checked_sources`) at a time."""
-    report = progress or silent
+    report = reporter(progress)
     check_inputs(plan, data)
     queries = list(curve_lines(plan, data, report))
     knots = (np.array(model.FITTED[name], dtype=np.float64) for name in curves.KNOTS)

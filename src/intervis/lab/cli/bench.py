@@ -49,9 +49,10 @@ def bench(
         typer.Option("--picture", metavar="FILE.png|FILE.svg", help="Draw the chart of --growth."),
     ] = None,
 ) -> None:
-    """Time the package beside other tools, interleaved, as medians.
+    """Time the package beside other tools.
 
-    Tools that are installed take part: scipy, Embree, and Open3D and pythoncdt if they are there.
+    Calls are interleaved; medians are shown. Tools that are installed take part: scipy, Embree, and
+    Open3D and pythoncdt if they are there.
     """
     from intervis.cli.options import check_output_file
     from intervis.files import write_text

@@ -39,10 +39,10 @@ def calibrate(
         ),
     ] = None,
 ) -> None:
-    """Fit the numbers of the occupancy model and of tau="auto" again (minutes).
+    """Fit the numbers of the model again (minutes).
 
-    Writes them with their provenance, in the format of the files that the package reads, and
-    prints the shipped numbers beside the fitted ones.
+    Fits the occupancy model and tau="auto"; writes them with their provenance, in the format of the
+    files that the package reads, and prints the shipped numbers beside the fitted ones.
     """
     if only is not None and only not in PARTS:
         raise SettingsError(f"--only must be one of {', '.join(PARTS)}, got {only!r}.")

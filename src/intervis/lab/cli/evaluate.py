@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from intervis.cli import options
+from intervis.cli.survey import Hz
 from intervis.cli.terminal import progress, show, tell
 from intervis.errors import DriveError, SettingsError
 
@@ -69,10 +70,8 @@ def evaluate(
             " view.",
         ),
     ] = "returns",
-    rate_hz: Annotated[
-        float | None,
-        typer.Option("--rate", metavar="HZ", help="Frames a second of a drive without timestamps."),
-    ] = None,
+    hz: Hz = None,
+    rate: Annotated[float | None, typer.Option("--rate", hidden=True)] = None,  # its old name
     count_silhouettes: Annotated[
         bool,
         typer.Option(
@@ -112,7 +111,7 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE.png", help="Draw the reliability diagram.")
     ] = None,
 ) -> None:
-    """Measure the accuracy of sight lines, against held-out returns and exact worlds.
+    """Measure the accuracy of sight lines.
 
     The returns of a held-out scan show which points are visible from its pose. For a simulated
     drive, rays cast at its known triangles give the ground truth as well. With --protocol together
@@ -134,7 +133,7 @@ def evaluate(
         graphs: dict[str, list[GraphScore]] = {}
     else:
         rule = SILHOUETTES_VISIBLE if count_silhouettes else DRIVE_RULE
-        settings = HeldOutSettings(targets, rule, rate_hz)
+        settings = HeldOutSettings(targets, rule, rate if hz is None else hz)
         evaluations, graphs, identity = _drive(source, pairs, protocol, baselines, graph, settings)
     tables = _tables(evaluations, graphs, every_setting)
     for table in tables:

@@ -39,7 +39,7 @@ def matrix(
         ),
     ] = False,
 ) -> None:
-    """Score the engine in generated worlds for each scanner and mount."""
+    """Score the engine for each scanner, mount and world."""
     from intervis.files import make_folder, write_bytes
     from intervis.lab.truth.cells import KINDS, cells
     from intervis.lab.truth.matrix import evaluate_cells, matrix_table, worst_cell

@@ -37,7 +37,10 @@ def reproduce(
     camera: CameraName = None,
     changes: SettingChanges = None,
 ) -> None:
-    """Reproduce Tables 2 to 4 and Figures 3 to 10 of the paper, with the printed values beside."""
+    """Reproduce the tables and figures of the paper.
+
+    Tables 2 to 4 and Figures 3 to 10, with the printed values beside.
+    """
     chosen = options.settings(settings, None, changes or [])
 
     from intervis.drives import open_drive
@@ -82,7 +85,10 @@ def interpretations(
         ),
     ] = 4,
 ) -> None:
-    """Compare every interpretation of the paper's open choices with its Table 2 (minutes)."""
+    """Compare interpretations of the paper with its Table 2.
+
+    Every interpretation of its open choices, which takes minutes.
+    """
     from intervis.drives import open_drive
     from intervis.lab.paper.curve import tpi_curve
     from intervis.lab.paper.interpretation_tables import choices_table

@@ -46,10 +46,11 @@ def simulate(
         typer.Option("--motion-distortion", help="Vehicle and traffic move during a sweep."),
     ] = False,
 ) -> None:
-    """Write a simulated drive through the built-in street: scans, poses, images, boxes.
+    """Write a simulated drive through the built-in street.
 
-    KITTI's layout includes the triangles of its world; an interrupted drive goes on. Other layouts
-    are written whole or not at all. docs/simulate.md lists the presets and what each layout holds.
+    It has scans, poses, images and boxes. KITTI's layout includes the triangles of its world; an
+    interrupted drive goes on. Other layouts are written whole or not at all. docs/simulate.md lists
+    the presets and what each layout holds.
     """
     from intervis.lab.worlds import simulate_drive
 

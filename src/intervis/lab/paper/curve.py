@@ -13,7 +13,7 @@ import numpy as np
 from intervis.lab.paper.experiment import camera_arguments, usable
 from intervis.method.analysis import analyze
 from intervis.method.granularity import TAU_CANDIDATES
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def tpi_curve(
     progress: Progress | None = None,
 ) -> list[CurvePoint]:
     """Measure the granularity curve over frames, finest granularity first."""
-    progress = progress or silent
+    progress = reporter(progress)
     settings = Settings() if settings is None else settings
     taus = [tau for tau in TAU_CANDIDATES if tau <= COARSEST]
     shape = (len(frames), len(taus))

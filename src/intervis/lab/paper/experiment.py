@@ -13,7 +13,7 @@ from intervis.lab.truth.scores import matthews
 from intervis.method.analysis import Analysis, StageTimes, analyze
 from intervis.method.comparison import SightLines, global_points, interpolation_points
 from intervis.method.measures import Measures
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Settings
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def run_frame(
     IntervisError
         The frame has no return that a method can use.
     """
-    progress = progress or silent
+    progress = reporter(progress)
     frame, settings, notes = usable(frame, Settings() if settings is None else settings)
     tau = printed_values.TAU_TABLE_4 if settings.tau == "auto" else settings.tau
     settings = settings.with_changes(tau=tau)
@@ -280,17 +280,19 @@ def usable(frame: "Frame", settings: Settings) -> tuple["Frame", Settings, list[
 def _checked_image(frame: "Frame") -> tuple["Frame", list[str]]:
     """The frame without its image where that is missing, unreadable or of another size."""
     assert frame.camera is not None
-    if frame.image_path is None:
+    if not frame.has_image:
         return frame, ["This frame has no image: Figure 3 (a) shows the returns alone."]
     try:
         image = frame.image
     except IntervisError as error:
-        return replace(frame, image_path=None), [f"Figure 3 (a) shows no image: {error}"]
+        return replace(frame, image_path=None, read_image=None), [
+            f"Figure 3 (a) shows no image: {error}"
+        ]
     assert image is not None
     height, width = image.shape[:2]
     if (width, height) == (frame.camera.width_px, frame.camera.height_px):
         return frame, []
-    return replace(frame, image_path=None), [
+    return replace(frame, image_path=None, read_image=None), [
         f"The image has {width} x {height} pixels, the calibration"
         f" {frame.camera.width_px} x {frame.camera.height_px}. The image is left out of Figure 3"
         " (a); the field of view follows the calibration."

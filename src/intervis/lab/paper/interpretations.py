@@ -29,7 +29,7 @@ from intervis.method.measures import two_point_intervisibility
 from intervis.method.mesh import Mesh, build_mesh, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
 from intervis.method.surface import Surface, build_surface
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Chart, Gate, Metric, Sampling, Settings
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def compare_interpretations(
     progress : callable, optional
         Called after each geometry.
     """
-    progress = progress or silent
+    progress = reporter(progress)
     views = [_View(frame) for frame in frames]
     drive = [_View(frame) for frame in consecutive]
     scores = []

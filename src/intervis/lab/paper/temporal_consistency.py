@@ -23,7 +23,7 @@ from intervis.lab.paper.printed_values import (
 )
 from intervis.method.analysis import Analysis, analyze
 from intervis.method.comparison import global_points, interpolation_points
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Settings
 from intervis.transform import transform
 
@@ -130,7 +130,7 @@ def follow_drive(
     progress: Progress | None = None,
 ) -> list[TemporalConsistency]:
     """Measure each method over the same consecutive frames, which must have poses."""
-    progress = progress or silent
+    progress = reporter(progress)
     methods: dict[str, Callable[[Frame, Settings], Analysis]] = {
         PROPOSED: lambda frame, used: analyze(
             frame.points, settings=used, **camera_arguments(frame)

@@ -20,7 +20,7 @@ from intervis.lab.worlds.scanner import Scanner
 from intervis.lab.worlds.street.layout import build_street
 from intervis.method.analysis import analyze
 from intervis.plots.tables import Table
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.settings import Settings
 from intervis.sight import Scene
 
@@ -126,7 +126,7 @@ def growth(
     progress : callable, optional
         Called `growth_steps` times.
     """
-    note = progress or silent
+    note = reporter(progress)
     scans = [street_scan(size) for size in sizes]
     works = [
         Work(name, "intervis", partial(call, scan), len(scan))

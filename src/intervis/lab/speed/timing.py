@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from statistics import median, quantiles
 from time import perf_counter
 
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 
 LEAST_ROUNDS = 3
 
@@ -86,7 +86,7 @@ def interleaved(
     progress : callable, optional
         Called ``len(works) * (rounds + 1)`` times.
     """
-    rng, note = random.Random(seed), progress or silent
+    rng, note = random.Random(seed), reporter(progress)
     timings = [Timing(work.group, work.by, work.size) for work in works]
     for work in works:
         work.call()

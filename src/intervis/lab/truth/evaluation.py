@@ -21,7 +21,7 @@ from intervis.lab.truth.protocols import Protocol, checked_protocol, distance_m,
 from intervis.lab.truth.query_set import QuerySet, QuerySets
 from intervis.lab.truth.results import EvaluationResult, run_methods
 from intervis.lab.worlds.ray_casting import RayCaster
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 
 MAX_SCANS = 40
 """A method gets at most so many scans: those whose poses are nearest to the viewpoint."""
@@ -79,7 +79,7 @@ def evaluate_held_out(
     results, labels, target_count = run_methods(
         held_out_query_sets(drive, chosen_pairs(drive, pairs), known, settings),
         methods or methods_for(known, baselines=baselines),
-        progress or silent,
+        reporter(progress),
     )
     ground_truth = "held-out returns" + targets_suffix(settings.targets)
     return EvaluationResult(drive.name, ground_truth, known, labels, target_count, results)
@@ -132,7 +132,7 @@ def evaluate_world(
     results, labels, target_count = run_methods(
         world_query_sets(drive, triangles_at, world_frames(drive, frames), known, sampling),
         methods or methods_for(known, baselines=baselines),
-        progress or silent,
+        reporter(progress),
     )
     ground_truth = "exact world, rays by Embree"
     return EvaluationResult(drive.name, ground_truth, known, labels, target_count, results)

@@ -1,6 +1,5 @@
 """Targets that a reference scan labels: returns of another scan, or random points in space."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -9,10 +8,10 @@ import numpy as np
 
 from intervis.arrays import BoolArray, Float64Array, FloatArray
 from intervis.drives import Drive
-from intervis.errors import SettingsError
 from intervis.lab.truth.choices import checked_choice
 from intervis.lab.truth.held_out import DRIVE_RULE, LabelRule, held_out_labels
 from intervis.lab.truth.space_points import SPACE_COUNT, space_points
+from intervis.sight.query_checks import rate_of
 from intervis.transform import transform
 
 TargetKind = Literal["returns", "space"]
@@ -48,7 +47,7 @@ class HeldOutSettings:
     Raises
     ------
     SettingsError
-        No such targets, or the rate is not positive.
+        No such targets, or the rate is not from 1e-6 to 1e6.
     """
 
     targets: str = "returns"
@@ -57,10 +56,8 @@ class HeldOutSettings:
 
     def __post_init__(self) -> None:
         checked_targets(self.targets)
-        if self.rate_hz is not None and not 0 < self.rate_hz < math.inf:
-            raise SettingsError(
-                f"the rate must be positive, in frames a second, got {self.rate_hz}."
-            )
+        if self.rate_hz is not None:
+            rate_of("the rate of scans", self.rate_hz)
 
     def timestamps_ns(self, drive: Drive) -> Mapping[int, int]:
         """Time of each frame of a drive; none where neither times nor a rate are known."""

@@ -26,7 +26,7 @@ from intervis.lab.worlds.beam_pattern import PatternScan
 from intervis.lab.worlds.places import PLACES, Place
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.plots.tables import Table
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import Scene
 from intervis.transform import inverse, transform
 
@@ -88,7 +88,7 @@ def evaluate_cells(
     for cell in chosen:
         place = places.setdefault(cell.world, PLACES[cell.world](seed))
         result = _evaluated(cell, place, lines, random_of(cell, seed))
-        (progress or silent)(f"{cell.scanner} {cell.mount} {cell.world}")
+        reporter(progress)(f"{cell.scanner} {cell.mount} {cell.world}")
         yield result
 
 

@@ -18,7 +18,7 @@ from intervis.lab.truth.methods import Method
 from intervis.lab.truth.query_set import QuerySet
 from intervis.lab.truth.results import EvaluationResult, run_methods
 from intervis.lab.worlds.places import PLACES, Place
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.transform import transform
 
 VIEWPOINTS, TARGETS = 2, 1000
@@ -39,7 +39,7 @@ def evaluate_baselines(
     results, labels, count = run_methods(
         cell_query_sets(chosen, seed),
         methods or methods_for("single", baselines=True),
-        progress or silent,
+        reporter(progress),
     )
     return EvaluationResult("matrix", "exact worlds", "single", labels, count, results)
 

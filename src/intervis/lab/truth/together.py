@@ -24,7 +24,7 @@ from intervis.lab.truth.protocols import TOGETHER
 from intervis.lab.truth.query_set import QuerySet, QuerySets
 from intervis.lab.truth.results import EvaluationResult, run_methods
 from intervis.lab.truth.scanner_set import ScannerSet
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.transform import inverse, transform
 
 QueryFrame = Literal["scene", "scanner"]
@@ -74,7 +74,7 @@ def evaluate_together(
             scanners, checked_frame(frame), checked_targets(targets), surrounded=surrounded
         ),
         methods or methods_for("single", baselines=baselines),
-        progress or silent,
+        reporter(progress),
     )
     ground_truth = f"a second scanner, queries in the frame of the {frame}"
     ground_truth += targets_suffix(targets)

@@ -30,7 +30,7 @@ from intervis.lab.worlds.simulation import (
     whole_number,
 )
 from intervis.lab.worlds.street.layout import build_street
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ _WRITERS = {
         check=argoverse_writer.check_rig,
     ),
     "pcd": _Layout(("hdl-64e",), PcdWriter, check=pcd_writer.check_rig),
-    "mcap": _Layout(("os1-128",), McapWriter),
+    "mcap": _Layout(("os1-128",), McapWriter, has_images=True),
 }
 LAYOUTS = ("kitti", *_WRITERS)
 """The layouts by name."""
@@ -114,7 +114,7 @@ def simulate_drive(
     seed, frames = whole_number("seed", seed, 0), whole_number("frames", frames, 1)
     if layout == "kitti":
         return _simulate_kitti(
-            out, scanners, frames, seed, images, motion_distortion, progress or silent
+            out, scanners, frames, seed, images, motion_distortion, reporter(progress)
         )
     drive = _drive(layout, scanners, frames, seed, images, motion_distortion, Path(out))
     metadata = {
@@ -130,7 +130,7 @@ def simulate_drive(
         with closing(_Released(writer)):
             for number in range(frames):
                 writer.add(drive.frame(number))
-                (progress or silent)(f"frame {number}")
+                reporter(progress)(f"frame {number}")
             below = writer.close()
         (part / METADATA_NAME).write_text(json.dumps(metadata, indent=1) + "\n")
     return Path(out) / below

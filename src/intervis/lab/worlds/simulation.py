@@ -29,7 +29,7 @@ from intervis.lab.worlds.sensor_rig import SensorRig
 from intervis.lab.worlds.street.layout import build_street
 from intervis.lab.worlds.world import World
 from intervis.output_folder import refuse_links_below
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.transform import inverse
 
 METADATA_NAME = "simulation.json"
@@ -119,7 +119,7 @@ def simulate(
     _write_sequence_files(layout, world, frames, images)
     for number in range(frames):
         _write_frame(layout, world, sensor, rig, seed, number, images, motion_distortion)
-        (progress or silent)(f"frame {number}")
+        reporter(progress)(f"frame {number}")
     return layout.drive
 
 

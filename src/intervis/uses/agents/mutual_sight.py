@@ -3,15 +3,18 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intervis.arrays import Float64Array
+from intervis.arguments import object_of, objects_of, shown, whole_numbers_of
+from intervis.arrays import LARGEST_M, Float64Array, numbers_of
 from intervis.errors import PointsError, SettingsError
 from intervis.sight import OCCLUDED, VISIBLE, Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
-from intervis.transform import inverse, transform
+from intervis.sight.query_checks import finite_number
+from intervis.transform import checked_pose, inverse, transform
 
 BODY_MARGIN_M = 0.3
 """Returns of a body lie up to this far outside of its box."""
@@ -42,6 +45,10 @@ class Agent:
     ------
     PointsError
         No place, a body without volume, or a field of view or range out of range.
+    PoseError
+        A place is no rigid motion.
+    ArgumentError, SettingsError
+        A value is of the wrong kind.
     """
 
     name: str
@@ -51,26 +58,53 @@ class Agent:
     body: Float64Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        poses = list(self.places.values()) if isinstance(self.places, Mapping) else [self.places]
-        if not poses or not all(np.isfinite(pose).all() for pose in poses):
-            raise PointsError(f"agent {self.name!r} has no place: give x and y.")
+        object_of(self.name, str, "the name of an agent")
+        object.__setattr__(self, "places", _checked_places(self.name, self.places))
+        for name, unit in (("fov_deg", "degrees"), ("range_m", "metres")):
+            object.__setattr__(self, name, finite_number(name, getattr(self, name), unit))
         if not 0.0 < self.fov_deg <= 360.0:
             raise PointsError(
                 f"the field of view of agent {self.name!r} must be above 0 and up to 360 degrees,"
                 f" got {self.fov_deg:g}."
             )
-        if not (self.range_m > 0.0 and math.isfinite(self.range_m)):
+        if not self.range_m > 0.0:
             raise PointsError(
                 f"the range of agent {self.name!r} must be positive, got {self.range_m:g}."
             )
-        if self.body is not None and not (self.body[1] > self.body[0]).all():
-            raise PointsError(f"the body of agent {self.name!r} has no volume.")
+        if self.body is not None:
+            object.__setattr__(self, "body", _checked_body(self.name, self.body))
 
     def pose_at(self, frame: int) -> Float64Array | None:
         """scene_from_agent (4, 4) in a frame; None where it is absent."""
         if isinstance(self.places, Mapping):
-            return self.places.get(frame)
+            return self.places.get(whole_numbers_of([frame], "frame")[0])
         return self.places
+
+
+Places = Mapping[int, Float64Array] | Float64Array
+
+
+def _checked_places(name: str, places: Any) -> Places:
+    """Poses by frame number, or one pose."""
+    of = f"the pose of agent {shown(name)}"
+    if not isinstance(places, Mapping):
+        return checked_pose(places, of)
+    if not places:
+        raise PointsError(f"agent {shown(name)} has no place: give x and y.")
+    frames = whole_numbers_of(places, "the frames of an agent")
+    return {
+        frame: checked_pose(pose, of) for frame, pose in zip(frames, places.values(), strict=True)
+    }
+
+
+def _checked_body(name: str, body: Any) -> Float64Array:
+    """Lower and upper corner (2, 3)."""
+    corners = numbers_of(body, f"the body of agent {shown(name)}")
+    if corners.shape != (2, 3) or not (corners[1] > corners[0]).all():
+        raise PointsError(f"the body of agent {shown(name)} has no volume.")
+    if not (np.abs(corners) <= LARGEST_M).all():
+        raise PointsError(f"the body of agent {shown(name)} must be within {LARGEST_M:g} m.")
+    return corners
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -145,9 +179,17 @@ def mutual_sight(
     SceneError
         As `intervis.Scene.sight`.
     """
+    object_of(scene, Scene, "scene")
+    agents, frames = objects_of(agents, Agent, "agents"), whole_numbers_of(frames, "frames")
+    if time_s is not None:
+        time_s = numbers_of(time_s, "time_s")
+        if time_s.shape != (len(frames),):
+            raise PointsError(f"{len(frames)} frames need as many times, got {time_s.shape}.")
     names = tuple(agent.name for agent in agents)
     if len(names) < 2 or len(set(names)) < len(names):
-        raise PointsError(f"two agents or more are needed, with different names, got {names}.")
+        raise PointsError(
+            f"two agents or more are needed, with different names, got {shown(names)}."
+        )
     if len(frames) * len(names) ** 2 > MOST_LINES:
         raise SettingsError(
             f"{len(names):,} agents in {len(frames):,} frames are too many: take fewer frames."

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from intervis.arrays import Float64Array, array_of
+from intervis.arrays import LARGEST_M, Float64Array, numbers_of
 from intervis.drives.trajectory import FARTHEST_M
 from intervis.errors import PointsError, SettingsError
-from intervis.sight.query_checks import LARGEST_M, finite_number, positive_length
+from intervis.sight.query_checks import finite_number, positive_length
 
 LEAST_SPACING_M = 0.2
 """Places nearer to the one before are left out: a standing vehicle has no direction."""
+
+LARGEST = 1e12
+"""Times and speeds are no larger."""
 
 MOST_STATIONS = 2_000_000
 STRAIGHT_M = 5.0
@@ -37,6 +40,11 @@ class Route:
     time_s : (K,) float64 array
         On the clock of the scene; NaN where not known.
 
+    Raises
+    ------
+    PointsError
+        The arrays do not fit each other, or the chainages do not rise.
+
     Examples
     --------
     >>> bend = Route.through([[0, 0, 0], [30, 0, 0], [30, 40, 2]])
@@ -50,6 +58,22 @@ class Route:
     chainage_m: Float64Array
     speed_mps: Float64Array
     time_s: Float64Array
+
+    def __post_init__(self) -> None:
+        for name in ("points", "chainage_m", "speed_mps", "time_s"):
+            object.__setattr__(self, name, numbers_of(getattr(self, name), f"a route's {name}"))
+        count = len(self.points) if self.points.ndim else 0
+        if count < 2 or self.points.shape != (count, 3):
+            raise PointsError("a route needs two places or more, of shape (K, 3).")
+        if not (np.abs(self.points[:, :2]) <= LARGEST_M).all():
+            raise PointsError(f"the places of a route must be within {LARGEST_M:g} m.")
+        if {self.chainage_m.shape, self.speed_mps.shape, self.time_s.shape} != {(count,)}:
+            raise PointsError(f"a route of {count} places needs as many chainages, speeds, times.")
+        if (
+            not (np.abs(self.chainage_m) <= LARGEST).all()
+            or not (np.diff(self.chainage_m) > 0).all()
+        ):
+            raise PointsError("the chainages of a route must be finite and rise.")
 
     @classmethod
     def through(
@@ -76,7 +100,7 @@ class Route:
             Wrong shape, a place that is not finite, times that do not rise, a speed that is not
             positive, or less than two places apart.
         """
-        xyz = array_of(points, "the places of a route").astype(np.float64)
+        xyz = numbers_of(points, "the places of a route")
         if xyz.ndim != 2 or xyz.shape[1] != 3 or not (np.abs(xyz) <= FARTHEST_M).all():
             raise PointsError(
                 f"the places of a route must have the shape (N, 3), in metres up to {FARTHEST_M:g}."
@@ -100,7 +124,10 @@ class Route:
         xyz, times, speeds = xyz[kept], times[kept], speeds[kept]
         chainage_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(xyz[:, :2], axis=0), axis=1)))
         if speed_mps is None and np.isfinite(times).all():
-            speeds = np.gradient(chainage_m, times)
+            with np.errstate(over="ignore", divide="ignore"):
+                speeds = np.gradient(chainage_m, times)
+            if not np.isfinite(speeds).all():
+                raise PointsError("the times of a route are too close to each other.")
         return cls(xyz, chainage_m, speeds, times)
 
     def __repr__(self) -> str:
@@ -128,7 +155,7 @@ class Route:
 
     def at(self, chainage_m: ArrayLike) -> Float64Array:
         """(..., 3) places at chainages, linear in between; NaN beyond the ends."""
-        where = np.asarray(chainage_m, np.float64)
+        where = numbers_of(chainage_m, "chainage_m")
         columns = [
             np.interp(where, self.chainage_m, column, np.nan, np.nan) for column in self.points.T
         ]
@@ -137,16 +164,20 @@ class Route:
     def above(self, chainage_m: ArrayLike, height_m: float) -> Float64Array:
         """(..., 3) places at chainages, so much higher than the route."""
         places = self.at(chainage_m)
-        places[..., 2] += height_m
+        places[..., 2] += finite_number("height_m", height_m, "metres")
         return places
 
     def speed_at(self, chainage_m: ArrayLike) -> Float64Array:
         """Speed at chainages, metres per second; NaN where not known."""
-        return np.asarray(np.interp(np.asarray(chainage_m), self.chainage_m, self.speed_mps))
+        return np.asarray(
+            np.interp(numbers_of(chainage_m, "chainage_m"), self.chainage_m, self.speed_mps)
+        )
 
     def time_at(self, chainage_m: ArrayLike) -> Float64Array:
         """Time at chainages, seconds; NaN where not known."""
-        return np.asarray(np.interp(np.asarray(chainage_m), self.chainage_m, self.time_s))
+        return np.asarray(
+            np.interp(numbers_of(chainage_m, "chainage_m"), self.chainage_m, self.time_s)
+        )
 
     def locate(self, xy: ArrayLike) -> tuple[Float64Array, Float64Array]:
         """Chainage and offset of points: of the nearest place of the route.
@@ -154,7 +185,7 @@ class Route:
         Parameters
         ----------
         xy : (M, 2) array
-            Scene frame, metres; rows that are not finite get NaN.
+            Scene frame, metres; rows that are not finite, or beyond 1e9 m, get NaN.
 
         Returns
         -------
@@ -168,9 +199,12 @@ class Route:
         >>> chainage_m.tolist(), offset_m.tolist()
         ([20.0, 70.0], [3.0, -4.0])
         """
-        given = np.asarray(xy, np.float64).reshape(-1, 2)
+        given = np.atleast_2d(numbers_of(xy, "xy"))
+        if given.size and (given.ndim != 2 or given.shape[1] != 2):
+            raise PointsError(f"xy must have the shape (M, 2), got {given.shape}.")
+        given = given.reshape(-1, 2)
         chainage_m, offset_m = np.full(len(given), np.nan), np.full(len(given), np.nan)
-        known = np.isfinite(given).all(axis=1)
+        known = (np.abs(given) <= LARGEST_M).all(axis=1)
         if known.any():
             chainage_m[known], offset_m[known] = self._located(given[known])
         return chainage_m, offset_m
@@ -229,13 +263,14 @@ class Route:
 
         The speed of the last place holds on.
         """
+        length_m = positive_length("the extension", length_m)
         end = self.points[-1]
         back = self.at(max(self.length_m - STRAIGHT_M, 0.0))
         if not (end - back)[:2].any():  # it has come back
             back = self.points[-2]
         step = (end - back) / np.linalg.norm((end - back)[:2])
         return Route(
-            np.vstack([self.points, end + positive_length("the extension", length_m) * step]),
+            np.vstack([self.points, end + length_m * step]),
             np.append(self.chainage_m, self.length_m + length_m),
             np.append(self.speed_mps, self.speed_mps[-1]),
             np.append(self.time_s, np.nan),
@@ -250,7 +285,10 @@ class Route:
 
     def with_heights(self, z_m: Float64Array) -> Route:
         """The route at other heights (K,), metres."""
-        points = np.column_stack([self.points[:, :2], z_m])
+        heights_m = numbers_of(z_m, "z_m")
+        if heights_m.shape != (len(self.points),):
+            raise PointsError(f"{len(self.points)} places need as many heights.")
+        points = np.column_stack([self.points[:, :2], heights_m])
         return Route(points, self.chainage_m, self.speed_mps, self.time_s)
 
 
@@ -258,9 +296,11 @@ def _column(values: ArrayLike | None, count: int, name: str) -> Float64Array:
     """Values (N,) of the places; NaN without any."""
     if values is None:
         return np.full(count, np.nan)
-    column = array_of(values, name).astype(np.float64)
-    if column.shape != (count,) or not np.isfinite(column).all():
-        raise PointsError(f"a route of {count} places needs as many finite {name}.")
+    column = numbers_of(values, name)
+    if column.shape != (count,) or not (np.abs(column) <= LARGEST).all():
+        raise PointsError(
+            f"a route of {count} places needs as many finite {name}, up to {LARGEST:g}."
+        )
     return column
 
 

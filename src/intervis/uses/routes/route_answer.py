@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intervis.arguments import flag_of, object_of, objects_of
 from intervis.arrays import Float64Array
 from intervis.errors import PointsError, SettingsError
 from intervis.progress import Progress
 from intervis.sight import VISIBLE, Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
+from intervis.sight.query_checks import finite_number, targets_of
 from intervis.uses.routes.route import Route
 from intervis.uses.routes.route_sight import route_sight, zone_sight
 from intervis.uses.routes.route_sight_table import SightingRow, sighting_rows
@@ -136,6 +138,9 @@ def targets_along(
     PointsError, SceneError
         As `route_sight`.
     """
+    object_of(route, Route, "route")
+    names, targets = objects_of(names, str, "names"), targets_of(targets)
+    is_timed = flag_of(at_pose_times, "at_pose_times")
     if len(names) != len(targets):
         raise PointsError(f"{len(targets)} targets need as many names, got {len(names)}.")
     chainage_m = route.stations(step_m)
@@ -145,7 +150,7 @@ def targets_along(
         targets,
         max_range_m=max_range_m,
         risk=risk,
-        moments_s=_moments(route, chainage_m) if at_pose_times else None,
+        moments_s=_moments(route, chainage_m) if is_timed else None,
         progress=progress,
     )
     time_s = route.time_at(chainage_m)
@@ -168,6 +173,10 @@ def zones_along(
 
     Arguments and errors as `targets_along` and `zone_sight`.
     """
+    object_of(route, Route, "route")
+    zones, is_timed = objects_of(zones, Zone, "zones"), flag_of(at_pose_times, "at_pose_times")
+    if not 0.0 <= finite_number("least", least, "a share") <= 1.0:
+        raise SettingsError(f"least must be a share from 0 to 1, got {least:g}.")
     chainage_m = route.stations(step_m)
     seen = zone_sight(
         scene,
@@ -175,7 +184,7 @@ def zones_along(
         zones,
         max_range_m=max_range_m,
         risk=risk,
-        moments_s=_moments(route, chainage_m) if at_pose_times else None,
+        moments_s=_moments(route, chainage_m) if is_timed else None,
         progress=progress,
     )
     corners = np.array([zone.corners.mean(axis=0) for zone in zones])

@@ -1,16 +1,17 @@
 """Routes from files: poses of KITTI and TUM, way points as CSV."""
 
 import csv
-import math
 from pathlib import Path
 
 import numpy as np
 
+from intervis.arguments import object_of, path_of
 from intervis.arrays import Float64Array
 from intervis.drives import Drive
 from intervis.drives.calibration import COMMENT, parse_numbers, read_lines
 from intervis.drives.trajectory import read_poses
-from intervis.errors import CalibrationError, DriveError, PointsError, SettingsError
+from intervis.errors import CalibrationError, DriveError, PointsError
+from intervis.sight.query_checks import finite_number, rate_of
 from intervis.uses.routes.route import Route
 
 KMH_PER_MPS = 3.6
@@ -35,6 +36,7 @@ def route_of_drive(drive: Drive, scans_per_s: float | None = None) -> Route:
     PointsError
         The times of the frames do not rise, or the scanner stood still.
     """
+    object_of(drive, Drive, "drive")
     poses = drive.poses or {}
     numbers = [number for number in drive.frame_numbers if number in poses]
     if len(numbers) < 2:
@@ -52,7 +54,7 @@ def frame_times_s(
     Raises
     ------
     SettingsError
-        `scans_per_s` is not positive.
+        `scans_per_s` is not from 1e-6 to 1e6.
     """
     known = drive.timestamps_ns
     if all(number in known for number in numbers):
@@ -60,10 +62,9 @@ def frame_times_s(
         return np.array([1e-9 * (known[number] - start_ns) for number in numbers])
     if scans_per_s is None:
         return None
-    if not (scans_per_s > 0.0 and math.isfinite(scans_per_s)):
-        raise SettingsError(f"the scans a second must be positive, got {scans_per_s:g}.")
+    rate_hz = rate_of("the scans a second", scans_per_s)
     first = drive.frame_numbers[0]
-    return np.array([(number - first) / scans_per_s for number in numbers])
+    return np.array([(number - first) / rate_hz for number in numbers])
 
 
 def drive_start_s(drive: Drive) -> float:
@@ -89,6 +90,7 @@ def read_route(path: Path, start_s: float = 0.0) -> Route:
     PointsError
         As `Route.through`; the message names the file.
     """
+    path, start_s = path_of(path, "path"), finite_number("start_s", start_s, "seconds")
     if not path.exists():
         raise DriveError(f"there is no route at {path}: check the path.")
     first = next((line for line in read_lines(path) if _has_values(line)), "")

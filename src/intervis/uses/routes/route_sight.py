@@ -7,9 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from intervis.arguments import object_of
 from intervis.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from intervis.errors import PointsError, SceneError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import positive_length
@@ -84,7 +85,8 @@ def route_sight(
     PointsError, SceneError
         As `intervis.Scene.sight`.
     """
-    range_m = positive_length("max_range_m", max_range_m)
+    object_of(scene, Scene, "scene")
+    range_m, report = positive_length("max_range_m", max_range_m), reporter(progress)
     lines = len(eyes) * len(targets)
     if lines > MOST_LINES:
         raise SettingsError(
@@ -99,10 +101,11 @@ def route_sight(
         part = slice(begin, end)
         moment_s = None if moments_s is None else float(moments_s[begin])
         sight = scene.sight(eyes[part], in_order, max_range_m=range_m, risk=risk, moment_s=moment_s)
-        far = np.linalg.norm(in_order - eyes[part, None], axis=2) > range_m
+        with np.errstate(over="ignore"):
+            far = np.linalg.norm(in_order - eyes[part, None], axis=2) > range_m
         state[part, order] = np.where(far, OUT_OF_RANGE, sight.state)
         probability[part, order] = sight.probability
-        (progress or silent)(f"place {end} of {len(eyes)}")
+        report(f"place {end} of {len(eyes)}")
     return RouteSight(eyes, targets, state, probability)
 
 
@@ -223,6 +226,7 @@ def zone_sight(
     SettingsError, PointsError
         As `route_sight`.
     """
+    object_of(scene, Scene, "scene")
     if not zones:
         raise PointsError("no zone is given.")
     parts = [zone.samples(scene) for zone in zones]

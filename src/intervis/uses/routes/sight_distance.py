@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intervis.arrays import BoolArray, Float64Array
+from intervis.arguments import object_of
+from intervis.arrays import BoolArray, Float64Array, numbers_of
 from intervis.errors import PointsError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE, Scene, Sight
 from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import finite_number, positive_length
@@ -238,6 +239,10 @@ def sight_distances(
     SceneError
         The scene holds no scan, or its scans have no times and moments are given.
     """
+    object_of(scene, Scene, "scene")
+    object_of(road, Route, "road")
+    object_of(standard, SightStandard, "standard")
+    report = reporter(progress)
     if not np.isfinite(road.points).all():
         raise PointsError("the path has places without a height.")
     ignore_m = finite_number("ignore_m", ignore_m, "metres")
@@ -256,8 +261,10 @@ def sight_distances(
     distance_m = _object_distances(
         road, required_m, reach_m, target_step_m, len(chainage_m) * heights
     )
-    moments = None if moments_s is None else np.asarray(moments_s, np.float64)
-    if moments is not None and (moments.ndim != 2 or len(moments) < len(chainage_m)):
+    moments = None if moments_s is None else numbers_of(moments_s, "moments_s")
+    if moments is not None and (
+        moments.ndim != 2 or not moments.shape[1] or len(moments) < len(chainage_m)
+    ):
         raise SettingsError(f"moments_s needs a row for each of {len(chainage_m)} stations.")
     shape = (len(chainage_m), len(distance_m))
     state, probability = np.full(shape, NO_TARGET, np.int8), np.full(shape, np.nan)
@@ -268,7 +275,7 @@ def sight_distances(
         objects_m = np.minimum(at_m + distance_m[ahead], road.length_m)
         worst = _worst_of(scene, road, float(at_m), objects_m, standard, risk, asked)
         state[nth, ahead], probability[nth, ahead], blocker[nth, ahead] = worst
-        (progress or silent)(f"chainage {at_m:.0f} m")
+        report(f"chainage {at_m:.0f} m")
     return SightDistances(
         *(standard, road, chainage_m, distance_m, speeds, grade, required_m),
         *(state, probability, blocker, ignore_m),
@@ -287,7 +294,7 @@ def _object_distances(
     farthest_m = min(positive_length("reach_m", reach_m), road.length_m)
     if farthest_m < NEAREST_M:
         raise SettingsError(f"reach_m must be {NEAREST_M:g} m or more, where objects start.")
-    lines *= int((farthest_m - NEAREST_M) / step + 1.0)
+    lines *= int(min((farthest_m - NEAREST_M) / step, 1e12) + 1.0)
     if lines > MOST_LINES:
         raise SettingsError(
             f"{lines:,} lines are asked, and at most {MOST_LINES:,} are answered: take larger steps"
@@ -299,6 +306,7 @@ def _object_distances(
 def _speeds(road: Route, chainage_m: Float64Array, speed_mps: float | None) -> Float64Array:
     """Speeds (S,) of the stations."""
     if speed_mps is not None:
+        speed_mps = finite_number("the speed", speed_mps, "metres per second")
         if not 0.0 < speed_mps <= FASTEST_MPS:
             raise SettingsError(
                 f"the speed must be above 0 and up to {KMH_PER_MPS * FASTEST_MPS:g} km/h, got"

@@ -48,7 +48,7 @@ def place_picture(
     window = _window(line, objects)
     plan_in = 6.3 * float(np.ptp(window[:, 1]) / np.ptp(window[:, 0]))
     ratios = [float(np.clip(plan_in, 1.2, 4.5)), 1.7]
-    camera = frame.camera if frame is not None and frame.image_path is not None else None
+    camera = frame.camera if frame is not None and frame.has_image else None
     if camera is not None:
         ratios.insert(0, 0.4 + 6.2 * camera.height_px / camera.width_px)
     with page_figure(sum(ratios) + 1.4, nrows=len(ratios), height_ratios=ratios) as (figure, axes):

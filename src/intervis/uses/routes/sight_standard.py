@@ -7,8 +7,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import Float64Array
-from intervis.errors import SettingsError
+from intervis.arguments import flag_of, object_of, shown
+from intervis.arrays import Float64Array, fit_together, numbers_of
+from intervis.errors import PointsError, SettingsError
+from intervis.sight.query_checks import finite_number
 
 GRAVITY_MPS2 = 9.81
 LEAST_BRAKING = 0.02
@@ -56,8 +58,16 @@ class SightStandard:
     note: str
 
     def __post_init__(self) -> None:
+        object_of(self.name, str, "the name of a standard")
+        object_of(self.note, str, "the note of a standard")
+        for name in ("reaction_s", "braking"):
+            number = finite_number(name, getattr(self, name), "a number")
+            object.__setattr__(self, name, number)
+        object.__setattr__(self, "with_grade", flag_of(self.with_grade, "with_grade"))
         for name in ("eye_m", "object_m"):
-            heights = getattr(self, name)
+            given = numbers_of(getattr(self, name), f"{name[:-2]} heights")
+            heights = tuple(np.atleast_1d(given).ravel().tolist())
+            object.__setattr__(self, name, heights)
             if not heights or not all(0.0 <= height <= MOST_HEIGHT_M for height in heights):
                 raise SettingsError(
                     f"{name[:-2]} heights must be from 0 to {MOST_HEIGHT_M:g} m, got"
@@ -96,12 +106,14 @@ class SightStandard:
         (...) float64 array
             Metres; infinite where the down-grade is as steep as the braking.
         """
-        speed = np.asarray(speed_mps, np.float64)
-        slope = np.asarray(grade, np.float64) if self.with_grade else np.float64(0.0)
-        slowing = self.braking + slope
+        speed, slope = numbers_of(speed_mps, "speed_mps"), numbers_of(grade, "grade")
+        if not fit_together(speed, slope):
+            raise PointsError(f"speeds {speed.shape} and grades {slope.shape} do not fit together.")
+        slowing = self.braking + (slope if self.with_grade else 0.0)
         stops = slowing >= LEAST_BRAKING
-        braking_m = speed**2 / (2.0 * GRAVITY_MPS2 * np.where(stops, slowing, 1.0))
-        return np.asarray(speed * self.reaction_s + np.where(stops, braking_m, math.inf))
+        with np.errstate(over="ignore", invalid="ignore"):
+            braking_m = speed**2 / (2.0 * GRAVITY_MPS2 * np.where(stops, slowing, 1.0))
+            return np.asarray(speed * self.reaction_s + np.where(stops, braking_m, math.inf))
 
 
 AASHTO = SightStandard(
@@ -144,6 +156,9 @@ def standard_named(name: str) -> SightStandard:
     SettingsError
         There is none.
     """
+    object_of(name, str, "the name of a standard")
     if name.lower() not in STANDARDS:
-        raise SettingsError(f"there is no standard {name!r}: choose one of {', '.join(STANDARDS)}.")
+        raise SettingsError(
+            f"there is no standard {shown(name)}: choose one of {', '.join(STANDARDS)}."
+        )
     return STANDARDS[name.lower()]

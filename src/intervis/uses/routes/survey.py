@@ -1,17 +1,18 @@
 """A survey: the scans of a drive in one scene, in the frame of its poses, and the road below."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from intervis.arrays import Float64Array, finite_rows
+from intervis.arguments import object_of, whole_numbers_of
+from intervis.arrays import LARGEST_M, BoolArray, Float64Array, finite_rows
 from intervis.drives import Drive
 from intervis.errors import DriveError, SceneError, SettingsError
-from intervis.progress import Progress, silent
+from intervis.progress import Progress, reporter
 from intervis.sight import Scene
+from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.sight.query_checks import finite_number
 from intervis.transform import inverse, transform
 from intervis.uses.objects import category_at
@@ -99,6 +100,10 @@ def survey_of(
     SettingsError
         The spacing is negative, or there is no such sensor.
     """
+    object_of(drive, Drive, "drive")
+    object_of(route, Route, "route")
+    if numbers is not None:
+        numbers = whole_numbers_of(numbers, "numbers")
     chosen = spaced(drive, list(drive.frame_numbers if numbers is None else numbers), spacing_m)
     road = RoadSurface(route)
     scene = scene_of_drive(
@@ -142,7 +147,7 @@ def scene_of_drive(
     chosen = spaced(drive, list(numbers), 0.0)
     time_s = frame_times_s(drive, chosen, scans_per_s)
     scene = Scene(sensor=sensor, max_scans=len(chosen), max_bytes=max_bytes)
-    report = progress or silent
+    report = reporter(progress)
     for nth, number in enumerate(chosen):
         frame = drive[number]
         assert frame.pose is not None  # as spaced has checked
@@ -163,8 +168,11 @@ def has_times(scene: Scene) -> bool:
 
 def spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
     """Numbers of the frames that lie a distance apart along the drive."""
-    if not (math.isfinite(spacing_m) and spacing_m >= 0.0):
-        raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m}.")
+    spacing_m = finite_number("the spacing of scans", spacing_m, "metres")
+    if spacing_m < 0.0:
+        raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m:g}.")
+    if not numbers:
+        raise DriveError("a scene needs one frame at least: choose some.")
     poses = drive.poses or {}
     if not poses:
         raise DriveError(f"{drive.name} has no poses, which put its scans into one scene.")
@@ -212,6 +220,18 @@ def distance_to_scans(scene: Scene, points: Float64Array) -> Float64Array:
     return np.asarray(distance_m)
 
 
+def hidden_eyes(scene: Scene, eyes: Float64Array, risk: float = DEFAULT_RISK) -> BoolArray:
+    """Which eyes (S, 3) no scanner within 60 m sees, and one does not see for certain.
+
+    They stand in an obstacle, or behind one: what they see themselves means little.
+    """
+    places = scene.poses[:, :3, 3]
+    _, eye, sight = scene.sight_within(places, eyes, FARTHEST_M, risk=risk)
+    visible = np.bincount(eye[sight.visible], minlength=len(eyes))
+    occluded = np.bincount(eye[sight.occluded], minlength=len(eyes))
+    return np.asarray((visible == 0) & (occluded > 0))
+
+
 def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -> Route:
     """The route on the road surface.
 
@@ -229,10 +249,16 @@ def route_on_road(survey: Survey, route: Route, height_m: float | None = None) -
     SceneError
         The scans show the road along less than 30 % of the route.
     SettingsError
-        The height is not finite.
+        The height is not finite, or beyond 1e9 m.
     """
+    object_of(survey, Survey, "survey")
+    object_of(route, Route, "route")
     if height_m is not None:
         height_m = finite_number("the height of the route", height_m, "metres")
+        if abs(height_m) > LARGEST_M:
+            raise SettingsError(
+                f"the height of the route must be at most {LARGEST_M:g} m, got {height_m:g}."
+            )
         return route.with_heights(route.points[:, 2] - height_m)
     if survey.road.known_share < LEAST_ROAD:
         raise SceneError(

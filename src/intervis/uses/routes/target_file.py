@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from intervis.arrays import Float64Array, finite_rows
+from intervis.arrays import LARGEST_M, Float64Array, finite_rows
 from intervis.drives.calibration import read_lines
 from intervis.drives.scan_file import read_scan
 from intervis.errors import CalibrationError, DriveError, SceneError
 from intervis.sight import Scene
-from intervis.sight.query_checks import LARGEST_M
 from intervis.uses.routes.survey import distance_to_scans
 
 FARTHEST_M = 150.0

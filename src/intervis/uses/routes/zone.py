@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import BoolArray, Float64Array, array_of
+from intervis.arguments import object_of, shown
+from intervis.arrays import BoolArray, Float64Array, numbers_of
 from intervis.drives.calibration import read_lines
 from intervis.errors import DriveError, PointsError, SettingsError
 from intervis.sight import Scene
@@ -73,23 +74,30 @@ class Zone:
         high_m: float = DEFAULT_HEIGHTS_M[1],
         weight: float = 1.0,
     ) -> None:
-        ring = array_of(corners, f"the corners of zone {name!r}").astype(np.float64)
+        object_of(name, str, "the name of a zone")
+        ring = np.atleast_1d(numbers_of(corners, f"the corners of zone {shown(name)}"))
+        heights_m = numbers_of([low_m, high_m], f"zone {shown(name)}: its heights")
         if len(ring) > 1 and (ring[0] == ring[-1]).all():
             ring = ring[:-1]
         if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
-            raise PointsError(f"zone {name!r} needs three corners or more, x and y in metres.")
+            raise PointsError(f"zone {shown(name)} needs three corners or more, x and y in metres.")
         if len(ring) > MOST_CORNERS or np.abs(ring).max() > FARTHEST_M:
             raise PointsError(
-                f"zone {name!r} may have {MOST_CORNERS} corners, within {FARTHEST_M:g} m of the"
-                " origin: simplify it, or give it in the frame of the drive's poses."
+                f"zone {shown(name)} may have {MOST_CORNERS} corners, within {FARTHEST_M:g} m of"
+                " the origin: simplify it, or give it in the frame of the drive's poses."
             )
-        if not -FARTHEST_M <= low_m <= high_m <= FARTHEST_M:
+        if heights_m.shape != (2,) or not (
+            -FARTHEST_M <= heights_m[0] <= heights_m[1] <= FARTHEST_M
+        ):
             raise PointsError(
-                f"zone {name!r} needs a lower and an upper height, got {low_m} and {high_m}."
+                f"zone {shown(name)} needs a lower and an upper height, got {shown(low_m)}"
+                f" and {shown(high_m)}."
             )
-        if not 0.0 <= weight <= LARGEST_WEIGHT:  # nor is NaN
+        share = numbers_of(weight, f"the weight of zone {shown(name)}")
+        if share.ndim or not 0.0 <= share <= LARGEST_WEIGHT:  # nor is NaN
             raise PointsError(
-                f"the weight of zone {name!r} must be from 0 to {LARGEST_WEIGHT:g}, got {weight}."
+                f"the weight of zone {shown(name)} must be from 0 to {LARGEST_WEIGHT:g}, got"
+                f" {shown(weight)}."
             )
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "corners", ring)
@@ -99,11 +107,11 @@ class Zone:
         crossing = _crossing_edges(ring)
         if crossing is not None:
             raise PointsError(
-                f"zone {name!r} crosses itself: its edges {crossing[0] + 1} and {crossing[1] + 1}"
-                " meet; put its corners in order."
+                f"zone {shown(name)} crosses itself: its edges {crossing[0] + 1} and"
+                f" {crossing[1] + 1} meet; put its corners in order."
             )
         if self.area_m2 < LEAST_AREA_M2:
-            raise PointsError(f"zone {name!r} has no area.")
+            raise PointsError(f"zone {shown(name)} has no area.")
 
     @property
     def area_m2(self) -> float:
@@ -113,6 +121,9 @@ class Zone:
 
     def contains(self, xy: Float64Array) -> BoolArray:
         """Which points (N, 2) lie inside, by the number of edges to their right."""
+        xy = numbers_of(xy, "xy")
+        if xy.ndim != 2 or xy.shape[1] != 2:
+            raise PointsError(f"xy must have the shape (N, 2), got {xy.shape}.")
         inside = np.zeros(len(xy), np.bool_)
         for (x0, y0), (x1, y1) in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
             spans = np.flatnonzero((y0 > xy[:, 1]) != (y1 > xy[:, 1]))  # none if level
@@ -133,6 +144,7 @@ class Zone:
         SettingsError
             As `cells`.
         """
+        object_of(scene, Scene, "scene")
         xy = self._cells() if cell_m is None else self.cells(cell_m)
         levels_m = np.linspace(self.low_m, self.high_m, LEVELS if self.high_m > self.low_m else 1)
         ground_m = scene.ground_height(xy, 1 if cell_m is None else GROUND_SCANS)
@@ -274,5 +286,5 @@ def _zone(path: Path, nth: int, feature: Any) -> Zone:
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError):
         raise wrong from None
     if len(rings) > 1:
-        raise PointsError(f"zone {name!r} has holes: cut it into polygons without any.")
+        raise PointsError(f"zone {shown(name)} has holes: cut it into polygons without any.")
     return Zone(name, corners, low_m, high_m, weight)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from intervis.arguments import objects_of, shown
 from intervis.arrays import Float32Array, Float64Array, UInt8Array, checked_points
-from intervis.errors import SceneError, SettingsError
+from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight import Scene, Sensor
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.sight.query_checks import finite_number, positive_length
@@ -96,15 +97,22 @@ def bev_grid(
     >>> grid.state[60, 40], grid.state[60, 50]
     (np.uint8(1), np.uint8(0))
     """
-    if not len(scans):
+    pairs = [_pair(scan) for scan in objects_of(scans, object, "scans")]
+    if not pairs:
         raise SceneError("a grid needs one scan at least.")
-    lowest, highest = (finite_number("heights_m", height, "metres") for height in heights_m)
+    heights = [
+        finite_number("heights_m", height, "metres")
+        for height in objects_of(heights_m, object, "heights_m")
+    ]
+    if len(heights) != 2:
+        raise SettingsError(f"heights_m must be two heights, got {shown(heights_m)}.")
+    lowest, highest = heights
     reach_m, cell_m = positive_length("reach_m", reach_m), positive_length("cell_m", cell_m)
     if not highest - lowest >= 0.5 * cell_m:
-        raise SettingsError(f"heights_m must rise by half a cell at least, got {heights_m!r}.")
+        raise SettingsError(f"heights_m must rise by half a cell at least, got {shown(heights_m)}.")
     count = max(1, round(min(2.0 * reach_m / cell_m, 1e7)))
     levels = max(1, round(min((highest - lowest) / cell_m, 1e7)))
-    points, pose = checked_points(scans[0][0]), scans[0][1]
+    points, pose = checked_points(pairs[0][0]), pairs[0][1]
     points = np.asarray(points[is_return(points)])
     scene = Scene.from_scan(points, pose, sensor)
     corner = scene.poses[0, :2, 3] - 0.5 * count * cell_m
@@ -112,12 +120,18 @@ def bev_grid(
     ground_m = _ground_at_corners(scene, grid)
     carver = Carver(grid, sensor=sensor, lift_m=ground_m)
     carver.add_packed(scene.packed_scans(), points, scene.poses[0], now=True)
-    for other, other_pose in scans[1:]:
+    for other, other_pose in pairs[1:]:
         carver.add(other, other_pose)
     state, probability = _from_above(carver.result())
     return BevGrid(
         corner, cell_m, (lowest, lowest + levels * cell_m), state, probability, ground_m[:-1, :-1]
     )
+
+
+def _pair(scan: object) -> tuple[ArrayLike, ArrayLike | None]:
+    if not isinstance(scan, tuple | list) or len(scan) != 2:
+        raise PointsError("each scan must be a pair of points and pose, or of points and None.")
+    return scan[0], scan[1]
 
 
 def _ground_at_corners(scene: Scene, grid: VoxelGrid) -> Float64Array:

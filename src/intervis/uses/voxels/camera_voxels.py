@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from intervis.arguments import object_of
 from intervis.arrays import BoolArray, Float64Array, UInt8Array
 from intervis.camera import Camera
 from intervis.kernels import in_parts
 from intervis.sight import Scene
-from intervis.transform import inverse, transform
+from intervis.transform import checked_pose, inverse, transform
 from intervis.uses.voxels.kernels.ray_walk import mark_pixels
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 
@@ -32,6 +33,11 @@ class PosedCamera:
 
     camera: Camera
     cam_from_grid: Float64Array
+
+    def __post_init__(self) -> None:
+        object_of(self.camera, Camera, "camera")
+        pose = checked_pose(self.cam_from_grid, "cam_from_grid")
+        object.__setattr__(self, "cam_from_grid", pose)
 
     @property
     def centre(self) -> Float64Array:

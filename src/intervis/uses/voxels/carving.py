@@ -28,7 +28,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from intervis.arguments import flag_of, object_of
 from intervis.arrays import (
+    LARGEST_M,
     BoolArray,
     Float32Array,
     Float64Array,
@@ -37,8 +39,9 @@ from intervis.arrays import (
     UInt8Array,
     checked_points,
     finite_rows,
+    numbers_of,
 )
-from intervis.errors import SceneError
+from intervis.errors import PointsError, SceneError
 from intervis.kernels import in_parts
 from intervis.sight import Scene, Sensor
 from intervis.sight.kernels.carved_sums import (
@@ -123,6 +126,11 @@ class Carver:
         Raises the corners of each column of voxels by so much, metres: a grid that follows the
         ground. None: a grid of cubes.
 
+    Raises
+    ------
+    ArgumentError, PointsError, SettingsError
+        The grid is none, the heights do not fit it, or there is no such sensor.
+
     Examples
     --------
     A wall 10 m ahead:
@@ -142,12 +150,17 @@ class Carver:
         sensor: Sensor | str | None = None,
         lift_m: Float64Array | None = None,
     ) -> None:
-        columns, rows, _ = grid.shape
+        columns, rows, _ = object_of(grid, VoxelGrid, "grid").shape
         self.grid = grid
-        self._sensor = sensor
+        self._sensor = Scene(sensor=sensor).sensor
         self._lift = np.zeros((columns + 1, rows + 1))
         if lift_m is not None:
-            self._lift += np.asarray(lift_m, np.float64) / grid.cell_m
+            given = numbers_of(lift_m, "lift_m")
+            if given.shape != self._lift.shape or not (np.abs(given) <= LARGEST_M).all():
+                raise PointsError(
+                    f"lift_m must have the shape {self._lift.shape} and be up to {LARGEST_M:g} m."
+                )
+            self._lift += given / grid.cell_m
         self._sums = CarvedSums(
             np.zeros(grid.shape, np.float32),
             np.zeros(grid.shape, np.float32),
@@ -178,7 +191,7 @@ class Carver:
         PointsError, PoseError
             As `intervis.Scene.add`.
         """
-        xyz = checked_points(points)
+        xyz, now = checked_points(points), flag_of(now, "now")
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         kept = np.asarray(xyz[is_return(xyz)])
         packed = Scene.from_scan(kept, pose, self._sensor).packed_scans()

@@ -7,16 +7,18 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from intervis.arguments import is_count, mapping_of, object_of, objects_of, shown
 from intervis.arrays import BoolArray, Float64Array, FloatArray
 from intervis.drives import Drive, Frame, open_drive
 from intervis.drives.regular_file import open_regular
 from intervis.errors import DriveError, SettingsError
 from intervis.progress import Progress
-from intervis.transform import inverse, transform
+from intervis.transform import checked_pose, inverse, transform
 from intervis.uses.voxels.camera_voxels import PosedCamera
 from intervis.uses.voxels.masks import Masks, PosedScan, masks_of
 from intervis.uses.voxels.voxel_grid import VoxelGrid
@@ -44,6 +46,11 @@ class MaskSettings:
         The frame of the grid from that of the scanner.
     classes : mapping of int to int, or None
         Replaces the classes of the labels; those not listed become 0.
+
+    Raises
+    ------
+    ArgumentError, PoseError, SettingsError
+        A value is of the wrong kind or out of range.
     """
 
     grid: VoxelGrid
@@ -52,6 +59,23 @@ class MaskSettings:
     keep_moving: bool = False
     grid_from_velo: Float64Array = field(default_factory=lambda: np.eye(4))
     classes: Mapping[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        object_of(self.grid, VoxelGrid, "grid")
+        if not is_count(self.later, least=0):
+            raise SettingsError(
+                f"later must be a whole number of 0 or more, got {shown(self.later)}."
+            )
+        pose = checked_pose(self.grid_from_velo, "grid_from_velo")
+        object.__setattr__(self, "grid_from_velo", pose)
+        if self.classes is not None:
+            numbers = mapping_of(self.classes, "classes")
+            if not all(_is_class(number) for pair in numbers.items() for number in pair):
+                raise SettingsError("classes must map whole numbers from 0 to 65535 to others.")
+
+
+def _is_class(number: object) -> bool:
+    return is_count(number, least=0) and cast(int, number) < 1 << 16
 
 
 def drive_cameras(
@@ -92,6 +116,10 @@ def frame_masks(
     SettingsError
         As `intervis.uses.voxels.masks.masks_of`.
     """
+    object_of(drive, Drive, "drive")
+    object_of(settings, MaskSettings, "settings")
+    if cameras is not None:
+        objects_of(mapping_of(cameras, "cameras").values(), Drive, "cameras")
     now = drive[number]
     scans = _scans_of(now, settings)
     for later in later_frames(drive, number, settings.later):

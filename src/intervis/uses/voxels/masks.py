@@ -19,20 +19,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from intervis.arguments import flag_of, mapping_of, object_of, objects_of, shown
 from intervis.arrays import (
     BoolArray,
     Float32Array,
     Float64Array,
     FloatArray,
     UInt8Array,
+    array_of,
+    checked_points,
 )
-from intervis.errors import SettingsError
-from intervis.progress import Progress, silent
+from intervis.errors import PointsError, SceneError, SettingsError
+from intervis.progress import Progress, reporter, silent
 from intervis.sight import Scene
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
-from intervis.transform import transform
+from intervis.transform import checked_pose, transform
 from intervis.uses.voxels.camera_voxels import PosedCamera, seen_by_lines, seen_by_pixels
 from intervis.uses.voxels.carving import CarvedGrid, Carver, is_return
 from intervis.uses.voxels.kernels.ray_walk import CROSSED, ENDED, mark_beams
@@ -64,11 +67,30 @@ class PosedScan:
     labels: NDArray[np.uint16] | None = None
     is_now: bool = True
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", checked_points(self.points))
+        pose = checked_pose(self.grid_from_sensor, "grid_from_sensor")
+        object.__setattr__(self, "grid_from_sensor", pose)
+        flag_of(self.is_now, "is_now")
+        object_of(self.scanner, str, "the name of a scanner")
+        if self.labels is not None:
+            object.__setattr__(self, "labels", _checked_labels(self.labels, len(self.points)))
+
     def only(self, kept: BoolArray) -> PosedScan:
         """The scan with some of its points."""
         labels = None if self.labels is None else self.labels[kept]
         points = np.asarray(self.points[kept])
         return PosedScan(points, self.grid_from_sensor, self.scanner, labels, self.is_now)
+
+
+def _checked_labels(labels: ArrayLike, count: int) -> NDArray[np.uint16]:
+    """Classes (N,) of points."""
+    array = array_of(labels, "labels")
+    if array.shape != (count,) or array.dtype.kind not in "iu":
+        raise PointsError(f"{count} points need as many labels, whole numbers.")
+    if array.size and not (array.min() >= 0 and array.max() < 1 << 16):
+        raise PointsError("labels must be classes from 0 to 65535.")
+    return array.astype(np.uint16, copy=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,15 +175,27 @@ def masks_of(
     ------
     SettingsError
         The definition is unknown, or needs labels that a scan does not have.
+    SceneError
+        There is no scan of the frame itself.
     """
-    if definition not in DEFINITIONS:
+    object_of(grid, VoxelGrid, "grid")
+    scans = objects_of(scans, PosedScan, "scans")
+    if cameras is not None:
+        objects_of(mapping_of(cameras, "cameras").values(), PosedCamera, "cameras")
+    if not any(scan.is_now for scan in scans):
+        raise SceneError("masks need a scan of the frame itself: one with is_now.")
+    if not isinstance(definition, str) or definition not in DEFINITIONS:
         raise SettingsError(
-            f"there is no definition {definition!r}; choose one of {', '.join(DEFINITIONS)}."
+            f"there is no definition {shown(definition)}; choose one of {', '.join(DEFINITIONS)}."
         )
     returns = [scan.only(is_return(scan.points)) for scan in scans]
-    kept = returns if keep_moving else [_without_moving(scan) for scan in returns]
+    kept = (
+        returns
+        if flag_of(keep_moving, "keep_moving")
+        else [_without_moving(scan) for scan in returns]
+    )
     make = {"exact": _exact, "semantickitti": _semantickitti, "occ3d": _occ3d}[definition]
-    return make(grid, kept, cameras or {}, progress or silent)
+    return make(grid, kept, cameras or {}, reporter(progress))
 
 
 def _without_moving(scan: PosedScan) -> PosedScan:

@@ -3,13 +3,21 @@
 from __future__ import annotations  # help() shows the names of the array types
 
 from dataclasses import dataclass
-from numbers import Integral
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from intervis.arrays import BoolArray, Float64Array, FloatArray, IntArray, checked_point
-from intervis.errors import SettingsError
+from intervis.arguments import is_count, shown
+from intervis.arrays import (
+    BoolArray,
+    Float64Array,
+    FloatArray,
+    IntArray,
+    checked_point,
+    numbers_of,
+)
+from intervis.errors import PointsError, SettingsError
 from intervis.sight.query_checks import positive_length
 
 MOST_VOXELS = 40_000_000
@@ -60,9 +68,16 @@ class VoxelGrid:
                 f"voxels are {LEAST_CELL_M:g} m or larger, and the corner of a grid lies within"
                 f" {FARTHEST_M:g} m, got {self.cell_m:g} and {self.corner.tolist()}."
             )
-        counts = list(shape) if isinstance(shape, list | tuple | np.ndarray) else []
-        if len(counts) != 3 or not all(_is_count(count) for count in counts):
-            raise SettingsError(f"shape must be three whole numbers of 1 or more, got {shape!r}.")
+        counts = _items(shape)
+        if len(counts) != 3 or not all(is_count(count) for count in counts):
+            raise SettingsError(
+                f"shape must be three whole numbers of 1 or more, got {shown(shape)}."
+            )
+        if max(counts) > MOST_VOXELS:
+            raise SettingsError(
+                f"a grid has at most {MOST_VOXELS:,} voxels, got shape {shown(shape)}: choose"
+                " larger voxels or a smaller space."
+            )
         object.__setattr__(self, "shape", tuple(int(count) for count in counts))
         if self.size > MOST_VOXELS:
             raise SettingsError(
@@ -83,14 +98,23 @@ class VoxelGrid:
         return np.asarray(self.corner + self.cell_m * np.array(self.shape))
 
     def index_of(self, points: FloatArray) -> tuple[IntArray, BoolArray]:
-        """Voxels (N, 3) of finite points (N, 3), and which of them lie in the grid."""
-        index = np.floor((np.asarray(points, np.float64) - self.corner) / self.cell_m)
+        """Voxels (N, 3) of points (N, 3), and which of them lie in the grid; NaN lies outside."""
+        given = numbers_of(points, "points")
+        if given.ndim != 2 or given.shape[1] != 3:
+            raise PointsError(f"points must have the shape (N, 3), got {given.shape}.")
+        with np.errstate(over="ignore"):
+            index = np.floor((given - self.corner) / self.cell_m)
+        index[np.isnan(index)] = -1.0
         inside = ((index >= 0) & (index < self.shape)).all(axis=1)
         return np.clip(index, -1, max(self.shape)).astype(np.int64), np.asarray(inside)
 
     def centre_of(self, index: ArrayLike) -> Float64Array:
         """Centres (..., 3) of voxels (..., 3), metres."""
-        return np.asarray(self.corner + (np.asarray(index, np.float64) + 0.5) * self.cell_m)
+        given = numbers_of(index, "index")
+        if given.shape[-1:] != (3,):
+            raise PointsError(f"index must have the shape (..., 3), got {given.shape}.")
+        with np.errstate(over="ignore"):
+            return np.asarray(self.corner + (given + 0.5) * self.cell_m)
 
     def occupied_by(self, points: FloatArray) -> BoolArray:
         """Voxels (I, J, K) that hold at least one of the finite points (N, 3)."""
@@ -100,5 +124,7 @@ class VoxelGrid:
         return occupied
 
 
-def _is_count(count: object) -> bool:
-    return not isinstance(count, bool) and isinstance(count, Integral) and int(count) >= 1
+def _items(shape: Any) -> list[Any]:
+    """The counts of a shape; none where it has no order."""
+    is_row = isinstance(shape, np.ndarray) and shape.ndim == 1
+    return list(shape) if is_row or isinstance(shape, list | tuple) else []
