@@ -120,6 +120,7 @@ def test_a_file_that_cannot_be_written_ends_in_one_sentence(drive, tmp_path, opt
     )
     assert done.returncode == 2, done.stderr
     assert "cannot write" in done.stderr.splitlines()[-1]
+    assert "panicked" not in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["drive"]
 
 

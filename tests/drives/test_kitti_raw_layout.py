@@ -17,6 +17,7 @@ from drive_layouts import (
     write_text,
 )
 
+from intervis.cli import exit_code
 from intervis.drives import Frame, open_drive
 from intervis.drives.image_file import image_file_size_px
 from intervis.errors import CalibrationError, DriveError, MissingExtraError, ScanError
@@ -494,3 +495,23 @@ def test_seconds_are_the_nanoseconds():
     points = np.zeros((1, 3), np.float32)
     assert Frame(0, points, timestamp_ns=1_500_000_000).timestamp_s == 1.5
     assert Frame(0, points).timestamp_s is None
+
+
+def test_no_output_over_calibration_beside_the_drive(tmp_path, capsys):
+    """The calibration of KITTI raw stands in the folder above, and is hard to tell by its path."""
+    drive = write_kitti_raw(tmp_path)
+    calibration = drive.parent / "calib_velo_to_cam.txt"
+    (tmp_path / "other.txt").hardlink_to(calibration)
+    before = calibration.read_bytes()
+    for path in (calibration, drive / ".." / calibration.name, tmp_path / "other.txt"):
+        for command in (
+            ["site", "--along", "way", "--targets", "no.csv", "--csv"],
+            ["blindspots", "--geojson"],
+            ["objects", "--csv"],
+            ["replay", "--json"],
+        ):
+            assert exit_code([command[0], str(drive), *command[1:], str(path)]) == 2
+            error = capsys.readouterr().err
+            assert "which this command reads and never changes" in error
+            assert error.count("\n") == 1
+            assert calibration.read_bytes() == before

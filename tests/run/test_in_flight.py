@@ -118,6 +118,7 @@ def test_a_file_holds_no_scan(tmp_path, monkeypatch):
     monkeypatch.setattr(FrameFile, "write", lambda self: held.append(self) or self.record)
     drive = MemoryDrive((0, 1))
     run_drive(drive, tmp_path, settings=SETTINGS)
+    assert len(held) == 2
     for file in held:
         scan = drive[file.record.number].points
         for name, array in file.arrays.items():

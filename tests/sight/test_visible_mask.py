@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as st_numpy
 import intervis.sight.depth_buffer
 from intervis import visible_mask
 from intervis.compilation import PARTS
-from intervis.drives import open_drive
+from intervis.drives import Frame, open_drive
 from intervis.errors import PointsError, SettingsError
 from intervis.lab.speed.numpy_mask import numpy_mask
 
@@ -183,6 +183,11 @@ def test_malformed_points_are_refused(points):
         visible_mask(points, [0, 0, 0])
     with pytest.raises(PointsError):
         visible_mask(np.ones((2, 3)), [0, 0])
+
+
+def test_a_frame_in_place_of_its_points_is_told():
+    with pytest.raises(PointsError, match=r"pass frame\.points, not the frame"):
+        visible_mask(Frame(0, np.ones((2, 3), np.float32)), [0, 0, 0])
 
 
 def test_warming_up_compiles_the_mask_for_both_types():

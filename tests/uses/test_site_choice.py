@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from intervis.errors import PointsError, SettingsError
 from intervis.uses.sites import choice as choice_module
+from intervis.uses.sites import objective as objective_module
 from intervis.uses.sites.choice import GREEDY_SHARE, choose, greedy_choice
 from intervis.uses.sites.objective import Objective
 
@@ -45,6 +46,26 @@ def worth(objective: Objective, chosen: tuple[int, ...]) -> float:
                 expected += float(chance) * min(sum(outcome), objective.views)
         total += weight * expected / objective.views
     return total
+
+
+def test_a_search_over_few_targets_stops_as_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gain over three targets takes no less time than one over a thousand."""
+    world = Objective(
+        np.random.default_rng(3).uniform(0, 1, (30, 3)).astype(np.float32), np.ones(3)
+    )
+    looked: list[int] = []
+    gain = objective_module.Views.gain
+
+    def counted(views: objective_module.Views, nth: int) -> float:
+        looked.append(nth)
+        return gain(views, nth)
+
+    monkeypatch.setattr(objective_module.Views, "gain", counted)
+    monkeypatch.setitem(choice_module.MOST_WORK, "exact", 2e5)
+    found = choose(world, 6, "exact")
+    assert found.evaluations <= 200 + 100
+    assert len(looked) <= 400
+    assert found.bound >= found.value
 
 
 @given(problems(), st.data())
@@ -152,7 +173,7 @@ def test_a_search_that_takes_too_long_is_no_proof(monkeypatch: pytest.MonkeyPatc
     world = Objective(rng.random((14, 40)).astype(np.float32) ** 3, np.ones(40))
     greedy, exact = choose(world, 5, "greedy"), choose(world, 5, "exact")
     assert exact.method == "exact"
-    monkeypatch.setitem(choice_module.MOST_WORK, "exact", 40.0 * 80)
+    monkeypatch.setitem(choice_module.MOST_WORK, "exact", 1000.0 * 80)
     stopped = choose(world, 5, "exact")
     assert stopped.method == "greedy"
     assert greedy.value - 1e-12 <= stopped.value <= exact.value + 1e-12

@@ -292,6 +292,11 @@ def test_demands_that_make_no_sense(scene: Scene) -> None:
         demand_of_zones(scene, [EAST], 0.001)
     with pytest.raises(SettingsError, match="the edge of cells must be a finite number"):
         demand_of_zones(scene, [EAST], float("nan"))
+    with pytest.raises(SettingsError, match="too many cells of 1e-300 m"):
+        demand_of_zones(scene, [EAST], 1e-300)
+    tiny = Zone("tiny", EAST.corners, weight=5e-324)
+    with pytest.raises(PointsError, match="all zones have the weight 0"):
+        demand_of_zones(scene, [tiny], 1.0)
     with pytest.raises(PointsError, match="finite coordinates"):
         demand_of_points(np.array([[0.0, np.nan, 1]]))
     with pytest.raises(PointsError, match="not all 0"):
@@ -303,6 +308,8 @@ def test_demands_that_make_no_sense(scene: Scene) -> None:
         weighted_by_users(demand, np.array([[np.nan, 0]]))
     with pytest.raises(PointsError, match="weights of road users must be 0 or more"):
         weighted_by_users(demand, points, np.array([1.0, -1.0]))
+    with pytest.raises(PointsError, match="all road users have the weight 0"):
+        weighted_by_users(demand, points, np.zeros(len(points)))
     with pytest.raises(SettingsError, match="background must be a share"):
         weighted_by_users(demand, points, background=1.5)
 
@@ -313,6 +320,9 @@ def test_objects_and_scanners_that_make_no_sense() -> None:
             object_size(text)
     with pytest.raises(SettingsError, match="the spacing of beams must be above 0"):
         scanner_with((0.2, 0.0), (-10, 10), 50)
+    for spacing_deg in ((1e-300, 1.0), (1.0, 1e-300), (-1.0, 1.0)):
+        with pytest.raises(SettingsError, match="spacing of beams must be 1e-06 degrees or more"):
+            scanner_with(spacing_deg, (-10, 10), 50)
     with pytest.raises(SettingsError, match="LOW less than HIGH"):
         scanner_with((0.2, 0.2), (10, -10), 50)
     with pytest.raises(SettingsError, match="the range must be a finite number"):
@@ -376,6 +386,9 @@ def test_candidates_of_files(scene: Scene, tmp_path: Path) -> None:
         ("a.csv", "x,y\n1,2,3\n", CalibrationError, "a row has more values than the heading"),
         ("a.csv", "x,y\n", CalibrationError, "holds no candidates"),
         ("a.csv", "x,y\n999,0\n", SceneError, "candidate '1' lies 981 m from every scan"),
+        ("a.csv", "x;y\n1;2\n", CalibrationError, "separate the columns by commas, got 'x;y'"),
+        ("a.csv", "x\ty\n1\t2\n", CalibrationError, "separate the columns by commas"),
+        ("a.csv", "x,y,x\n1,2,3\n", CalibrationError, "two columns are called 'x'"),
         ("a.csv", "name,x,y\nA,1,0\nA,2,0\n", PointsError, "two candidates are called 'A'"),
         ("a.csv", "x,y,fov_deg\n1,0,400\n", PointsError, "a field of view above 0 and up to 360"),
         ("a.json", "{", DriveError, "is no JSON: give candidates as CSV, JSON or GeoJSON"),

@@ -115,6 +115,7 @@ def test_what_cannot_be_compared_is_told(street: Path, tmp_path: Path, capsys) -
         ([str(street), "--steadiness", "0"], "1 frame cannot be compared with the next"),
         ([str(street), "--steadiness", "a"], "--steadiness must be A:B"),
         ([str(street), "--steadiness", "5:2"], "--steadiness 5:2 holds no frame"),
+        ([str(street), "--steadiness", "3:1"], "--steadiness 3:1 holds no frame"),
         ([str(street), "--steadiness", "0:2", "--picture", "p.png"], "--steadiness prints a table"),
         ([str(street), "--steadiness", "0:2", "--frame", "1"], "--steadiness prints a table"),
     ):
@@ -130,3 +131,15 @@ def test_the_command_prints_every_pair_and_the_mean(street: Path, capsys) -> Non
     assert "street, 3 frames." in said
     assert "0 to 1" in said
     assert "\nmean " in said
+
+
+def test_where_nothing_is_judged_there_is_no_share(street: Path) -> None:
+    """Far from the scans no ground is known: 0 % would read as a steady answer."""
+    nothing = flips_of_drive(open_drive(street), [0, 1], viewpoint=(5000.0, 0.0, 0.0))
+    assert nothing[0].judged_m2 == 0.0
+    assert np.isnan(nothing[0].flipped)
+    judged = flips_of_drive(open_drive(street), [1, 2])
+    rows = flip_table([*nothing, *judged], [0, 1, 2]).rows
+    assert rows[0][3:] == ("-",) * 5
+    assert rows[2][3:] == rows[1][3:]  # the mean is that of the pair that was judged
+    assert rows[1][3] != "-"

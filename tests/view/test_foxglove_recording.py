@@ -1,7 +1,9 @@
 """A recording for Foxglove, decoded with the library of MCAP, against the answers of the scene."""
 
+import errno
 import io
 import json
+import os
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from recorded_street import AHEAD, END, REQUEST, SIZE_M, recorded, rounded, scen
 from intervis.sight import explain
 from intervis.uses.registration import query_moment_s
 from intervis.view.recordings import foxglove_recording
+from intervis.view.recordings.foxglove_file import _WatchedFile
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: intervis[viewer]")
 mcap_reader = pytest.importorskip("mcap.reader", reason="mcap is not installed")
@@ -210,3 +213,42 @@ def test_a_failure_leaves_no_file(drive, tmp_path):
     ):
         raise RuntimeError("on the way")
     assert list(tmp_path.iterdir()) == []
+
+
+class _FullDisk(io.BytesIO):
+    """A file that takes ten bytes."""
+
+    def write(self, content):
+        if self.tell() + len(content) > 10:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(content)
+
+
+def test_a_file_that_is_full_keeps_the_positions_of_one_that_is_not():
+    """The SDK compares positions with its own, and panics where a full file stands still."""
+    full, whole = _WatchedFile(_FullDisk()), io.BytesIO()
+    positions = []
+    for file in (full, whole):
+        file.write(b"12345678")
+        file.seek(2)
+        file.write(b"ab")
+        file.seek(0, os.SEEK_END)
+        file.write(b"x" * 7)  # too much for the full one
+        here = file.seek(0, os.SEEK_CUR)
+        file.seek(3)
+        file.write(b"cd")
+        positions.append((here, file.seek(1, os.SEEK_CUR), file.seek(-2, os.SEEK_END)))
+    assert positions[0] == positions[1] == (15, 6, 13)
+    with pytest.raises(OSError, match="No space left"):
+        full.check()
+
+
+def test_a_file_with_room_holds_what_was_written():
+    file = _FullDisk()
+    watched = _WatchedFile(file)
+    watched.write(b"12345678")
+    watched.seek(2)
+    watched.write(b"ab")
+    watched.flush()
+    watched.check()
+    assert file.getvalue() == b"12ab5678"

@@ -11,7 +11,7 @@ import pytest
 
 import intervis
 from intervis.drives import Frame, open_drive
-from intervis.errors import MissingExtraError, PointsError, SceneError, SettingsError
+from intervis.errors import ArgumentError, MissingExtraError, PointsError, SceneError, SettingsError
 from intervis.run.frame_file import record_of
 from intervis.view import notebook
 from intervis.view.live_page import reply, widget_script
@@ -109,6 +109,52 @@ def test_mistakes_get_one_sentence(scene, tmp_path):
         intervis.show(intervis.Scene(), street(0))
     with pytest.raises(SettingsError, match="frames holds no frame number"):
         intervis.show(drive, frames=[])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"height_px": '"><script>alert(1)</script>'}, "height_px must be 1 or more"),
+        ({"height_px": 0}, "height_px must be 1 or more"),
+        ({"height_px": float("nan")}, "height_px must be 1 or more"),
+        ({"frames": 3}, "frames must be a list of whole numbers, got 3"),
+        ({"most_frames": "a"}, "must be 1 or more, got 'a'"),
+        ({"most_returns": 1.5}, "must be 1 or more, got 1.5"),
+        ({"risk": None}, "risk must be a finite number (0.001 to 0.2), got None"),
+        ({"risk": "low"}, "risk must be a finite number (0.001 to 0.2), got 'low'"),
+        ({"moment_s": 1.0}, "moment_s is the query time of a scene"),
+        ({"ends": 5}, "ends must be a list"),
+        ({"ends": [[1e30, 0, 0]]}, "a place must be within 1e+09 m"),
+        ({"viewpoint": [0, 0, -1e300]}, "a place must be within 1e+09 m"),
+    ],
+)
+def test_arguments_that_make_no_sense_get_one_sentence(tmp_path, arguments, said):
+    drive = open_drive(scan_folder(tmp_path / "drive"))
+    with pytest.raises((ArgumentError, PointsError, SettingsError)) as raised:
+        intervis.show(drive, **arguments)
+    assert said in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_what_cannot_be_shown_is_told(scene):
+    for source in (None, "drive", street(0)):
+        with pytest.raises(ArgumentError, match="source must be a Drive, a Frame or a Scene, got"):
+            intervis.show(source)
+    with pytest.raises(SettingsError, match="frames are the frame numbers of a drive"):
+        intervis.show(scene, street(0), frames=[0])
+
+
+def test_frames_of_any_iterable_are_shown(tmp_path):
+    drive = open_drive(scan_folder(tmp_path / "drive"))
+    given = [intervis.show(drive, frames=some).content for some in ([2, 0], iter([2, 0]))]
+    assert given[0] == given[1]
+
+
+def test_returns_of_a_damaged_file_are_left_out():
+    points = street(0)
+    points[3] = 1e30  # whole centimetres of it fit into no integer
+    page = intervis.show(Frame(0, points))
+    assert f"{len(points) - 1:,} points" in Parsed(page.content.decode()).text
 
 
 def test_a_page_is_saved_as_a_file(scene, tmp_path):

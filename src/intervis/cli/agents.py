@@ -80,6 +80,7 @@ def agents(
     from intervis.uses.routes.survey import has_times, scene_of_drive
 
     drive = open_drive(source)
+    options.check_drive_kept(drive, outputs.values())
     numbers = selected_frames(drive.frame_numbers, frame_range)
     with progress("scans", len(numbers)) as advance:
         scene = scene_of_drive(drive, numbers, scans_per_s=hz, sensor=sensor, progress=advance)

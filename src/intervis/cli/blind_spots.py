@@ -60,8 +60,10 @@ def blindspots(
     options.check_output_files(
         {"--geojson": geojson, "--grid": grid_file, "--picture": picture}, [source]
     )
+    outputs = [geojson, grid_file, picture]
     if grid_file is not None and grid_file.suffix.lower() == ".pgm":
-        options.check_output_file(grid_file.with_suffix(".yaml"), [source])
+        outputs.append(grid_file.with_suffix(".yaml"))
+        options.check_output_file(outputs[-1], [source])
     options.check_picture_file(picture)
 
     import json
@@ -77,6 +79,7 @@ def blindspots(
 
     check_grid_file(grid_file)
     drive = open_drive(source, camera=camera)
+    options.check_drive_kept(drive, outputs)
     now = drive[drive.frame_numbers[0] if frame is None else frame]
     with progress("blind spots", 3) as advance:
         scene = registered_scene(drive, now, ())

@@ -110,6 +110,7 @@ def masks(
     given_place = _lidar_place(chosen, lidar_at)
     class_map = None if classes is None else read_classes(classes)
     drive = open_drive(source, camera=camera)
+    options.check_drive_kept(drive, [picture])
     grid_from_velo, mounting = _mounting(chosen, given_place, drive)
     settings = MaskSettings(chosen.grid, definition, count, keep_moving, grid_from_velo, class_map)
     numbers = selected_frames(drive.frame_numbers, frame_range)[::every]

@@ -57,6 +57,7 @@ def objects(
     from intervis.uses.registration import registered_scene
 
     drive = open_drive(source, camera=camera)
+    options.check_drive_kept(drive, [csv, json_file, picture])
     numbers = selected_frames(drive.frame_numbers, frame_range)
     found: list[ObjectSight] = []
     drawn = picture is None

@@ -10,6 +10,7 @@ from intervis.errors import OutputError, PointsError, SettingsError
 from intervis.files import check_replaceable
 
 if TYPE_CHECKING:
+    from intervis.drives import Drive
     from intervis.settings import Settings
 
 WIDEST_TOLERANCE = 50.0
@@ -290,6 +291,32 @@ def check_no_input(path: Path, inputs: Iterable[Path | None]) -> None:
                 f"{path} is or lies in {given}, which this command reads and never changes: choose"
                 " another place."
             )
+
+
+def check_drive_kept(drive: "Drive", paths: Iterable[Path | None]) -> None:
+    """Refuse outputs that are files of a drive, wherever they stand and whatever they are called.
+
+    Calibration and poses of some layouts stand beside the drive's folder, not in it.
+
+    Raises
+    ------
+    OutputError
+        A path is the file of a scan, an image, labels, calibration, poses or times.
+    """
+    for path in paths:
+        if path is None or not path.exists():
+            continue
+        own = path.stat()
+        for file in (
+            *drive.metadata_files,
+            *(*drive.scan_paths.values(), *drive.image_paths.values()),
+            *drive.label_paths.values(),
+        ):
+            if file.exists() and os.path.samestat(file.stat(), own):
+                raise OutputError(
+                    f"{path} is a file of {drive.name}, which this command reads and never changes:"
+                    " choose another place."
+                )
 
 
 def check_output_files(

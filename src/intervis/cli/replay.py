@@ -48,6 +48,7 @@ def replay(
     from intervis.run.stream import selected_frames
 
     drive = open_drive(source)
+    options.check_drive_kept(drive, [json_file])
     numbers = selected_frames(drive.frame_numbers, frame_range)
     stream = Stream(max_scans=scans)
     with progress("frames", len(numbers)) as advance:

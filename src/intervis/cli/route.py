@@ -122,6 +122,7 @@ def route(
     from intervis.uses.routes.survey import route_on_road
 
     drive = open_drive(source)
+    options.check_drive_kept(drive, outputs.values())
     way = route_of(drive, route_file, hz, extend, offset)
     survey = read_survey(drive, way, frame_range, spacing, hz, sensor)
     eye_m = survey.height_above_road(way) if eye is None else eye

@@ -342,14 +342,14 @@ def _sight_line(shares: "Sequence[Mapping[str, float]]") -> str:
     """Mean shares of the returns by state, over the frames that have sight lines."""
     asked = [one for one in shares if one["visible"] == one["visible"]]
     without = len(shares) - len(asked)
-    text = "Sight lines to every return: "
+    parts = []
     if asked:
         words = [
             f"{100 * sum(one[word] for one in asked) / len(asked):.1f} % {word}"
             for word in asked[0]
         ]
-        frames = f"{len(asked)} frame{'s' if len(asked) != 1 else ''}"
-        text += f"{', '.join(words)} in the mean over {frames}."
+        over = f"{len(asked)} frame{'' if len(asked) == 1 else 's'}"
+        parts.append(f"{', '.join(words)} in the mean over {over}.")
     if without:
-        text += f" {without} without: there is no next frame."
-    return text
+        parts.append(f"{without} without: there is no next frame.")
+    return f"Sight lines to every return: {' '.join(parts)}"

@@ -98,6 +98,7 @@ def sight(
     if not RISK_RANGE[0] <= risk <= RISK_RANGE[1]:
         raise SettingsError(f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {risk}.")
     drive = open_drive(source, camera=camera)
+    options.check_drive_kept(drive, [picture, out])
     now = drive[drive.frame_numbers[0] if frame is None else frame]
     from_point = point_in_frame(now, given_start, "--from")
     to_points = [point_in_frame(now, end, "--to") for end in given_ends]

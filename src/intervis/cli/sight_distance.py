@@ -126,6 +126,7 @@ def sightdistance(
     from intervis.uses.routes.survey import classes_of, route_on_road
 
     drive = open_drive(source)
+    options.check_drive_kept(drive, outputs.values())
     route = route_of(drive, route_file, hz, extend, offset)
     survey = read_survey(drive, route, frame_range, spacing, hz, sensor)
     road = route_on_road(survey, route, mount)

@@ -176,6 +176,7 @@ def site(
     kept = BACKGROUND if background is None else background
 
     drive = open_drive(source)
+    options.check_drive_kept(drive, outputs.values())
     numbers = selected_frames(drive.frame_numbers, frame_range)
     scene, used = _scene(drive, numbers, spacing, sensor)
     places = _candidates(drive, scene, candidates, along, within, offsets_m, every, mast)

@@ -150,7 +150,7 @@ def _rows(points: ArrayLike) -> tuple[FloatArray, int, int]:
     array = array_of(points, "points")
     if array.size == 0 and array.ndim <= 2:
         return np.empty(0), 3, 0
-    checked_points(array)
+    checked_points(points if hasattr(points, "points") else array)
     # Kernels are compiled for writable and contiguous arrays; others are copied.
     row = np.require(array, requirements=["C", "W"]).reshape(-1)
     return row, array.shape[1], len(array)

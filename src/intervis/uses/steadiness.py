@@ -63,7 +63,7 @@ class Flips:
     """Changes of the ground between two frames, as shares of the area judged in both.
 
     A cell flips if it is visible in one frame and blind (occluded or unknown) in the other. Each
-    flip has one cause: the first of these that holds.
+    flip has one cause: the first of these that holds. Shares are NaN where nothing was judged.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ def flips_between(
     by_returns = flipped & ~by_motion & changed
     rest = flipped & ~by_motion & ~by_returns
     contradicted = rest & (first.occluded | last.occluded)
-    count = max(len(points), 1)
+    count = len(points) or math.nan  # of nothing there are no shares
     return Flips(
         motion_m=motion_m,
         judged_m2=len(points) * grid.cell_m**2,
@@ -245,7 +245,7 @@ def flips_of_drive(
 
 
 def flip_table(found: Sequence[Flips], numbers: Sequence[int]) -> Table:
-    """One row for each pair of frames, and the mean of all."""
+    """One row for each pair of frames, and the mean of all; of shares, of those judged."""
     heads = (
         "frames",
         "moved, m",
@@ -259,7 +259,7 @@ def flip_table(found: Sequence[Flips], numbers: Sequence[int]) -> Table:
     names = [f"{a} to {b}" for a, b in pairwise(numbers)]
     rows = [_row(name, one) for name, one in zip(names, found, strict=True)]
     columns = [field.name for field in fields(Flips)]
-    means = [math.fsum(getattr(one, name) for one in found) / len(found) for name in columns]
+    means = [_mean([getattr(one, name) for one in found]) for name in columns]
     rows.append(_row("mean", Flips(*means)))
     note = (
         "flipped: share of the ground that is visible in one frame and blind in the next; by"
@@ -270,7 +270,13 @@ def flip_table(found: Sequence[Flips], numbers: Sequence[int]) -> Table:
     return Table("Ground that changes between blind and visible", heads, tuple(rows), (note,))
 
 
+def _mean(values: Sequence[float]) -> float:
+    """Mean of the values that are not NaN; NaN if all are."""
+    known = [value for value in values if not math.isnan(value)]
+    return math.fsum(known) / len(known) if known else math.nan
+
+
 def _row(name: str, one: Flips) -> tuple[str, ...]:
     moved_m, judged_m2, *shares = astuple(one)
-    percent = [f"{100 * share:.2f} %" for share in shares]
+    percent = ["-" if math.isnan(share) else f"{100 * share:.2f} %" for share in shares]
     return (name, f"{moved_m:.2f}", f"{judged_m2:.0f}", *percent)

@@ -143,7 +143,8 @@ def show(
         A scene is given without points, points without a scene, or coordinates are not finite or
         too large.
     SettingsError
-        A number is out of range, or the page is too large for a notebook.
+        A number is out of range, an argument is not about the source, or the page is too large for
+        a notebook.
     MissingExtraError
         A live page is asked for, and anywidget is not installed.
     DriveError
@@ -161,6 +162,10 @@ def show(
         raise SettingsError(f"height_px must be 1 or more, got {shown(height_px)}.")
     if not isinstance(source, Drive | Frame | Scene):
         raise ArgumentError(f"source must be a Drive, a Frame or a Scene, got {shown(source)}.")
+    if frames is not None and not isinstance(source, Drive):
+        raise SettingsError("frames are the frame numbers of a drive: leave them out.")
+    if moment_s is not None and not isinstance(source, Scene):
+        raise SettingsError("moment_s is the query time of a scene: leave it out.")
     if frames is not None:
         frames = whole_numbers_of(frames, "frames")
     if (points is None) == isinstance(source, Scene):

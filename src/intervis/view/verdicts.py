@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intervis.arrays import Float64Array, FloatArray, IntArray, finite_rows
+from intervis.arrays import Float64Array, FloatArray, IntArray
 from intervis.sight import OCCLUDED, VISIBLE, Sight
 from intervis.sight.observed_profile import unobserved_parts
 from intervis.view.columns import Columns
@@ -28,6 +28,9 @@ PARTLY_OBSERVED = 8
 
 UNDECIDED_M = 0.5
 """`intervis.sight.explanation` calls an unknown line not observed from so many metres on."""
+
+FARTHEST_M = 1e7
+"""Coordinates of returns that are shown: those beyond are errors of a file."""
 
 NOTHING_BESIDE = 65535
 """Stored as the clearance of lines beside which nothing was observed."""
@@ -54,12 +57,15 @@ class ReturnsWithParts:
 def thinned_rows(points: FloatArray, most: int) -> IntArray:
     """Rows of at most so many returns, evenly chosen; rows that are no return are left out.
 
+    So are those with a coordinate beyond `FARTHEST_M`.
+
     Examples
     --------
     >>> thinned_rows(np.array([[np.nan] * 3, [1.0, 0, 0], [2, 0, 0], [3, 0, 0]]), 2)
     array([1, 2])
     """
-    rows = np.flatnonzero(finite_rows(points) & points[:, :3].any(axis=1))
+    near = (np.abs(points[:, :3]) <= FARTHEST_M).all(axis=1)  # not for NaN
+    rows = np.flatnonzero(near & points[:, :3].any(axis=1))
     if len(rows) <= most:
         return rows
     return np.asarray(rows[np.arange(most) * len(rows) // most])
@@ -145,6 +151,7 @@ def decimetres(metres: Float64Array) -> IntArray:
     >>> decimetres(np.array([0.04, 0.05, 0.15, 0.25, -1.26])).tolist()
     [0, 1, 1, 2, -13]
     """
+    metres = np.clip(metres, -FARTHEST_M, FARTHEST_M)  # those of damaged returns fit no integer
     tenths = 10.0 * np.asarray(metres, np.float64)
     whole = np.rint(tenths)
     # The product may be rounded across a tie: those few are left to Python's exact rounding.

@@ -121,7 +121,8 @@ def evaluate(
     from intervis.lab.truth.labelled_targets import HeldOutSettings
     from intervis.lab.truth.protocols import TOGETHER
 
-    options.check_output_files({"--json": json_file, "--markdown": markdown, "--plot": plot})
+    outputs = {"--json": json_file, "--markdown": markdown, "--plot": plot}
+    options.check_output_files(outputs, [Path(source)] if Path(source).exists() else [])
     options.check_picture_file(plot)
     if protocol == TOGETHER:
         if graph:

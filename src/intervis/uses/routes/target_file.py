@@ -51,13 +51,20 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     Raises
     ------
     CalibrationError
-        The file does not parse, or a row has more values than the heading.
+        The file does not parse, two columns have one name, or a row has more values than the
+        heading.
     """
     lines = [line for line in read_lines(path) if line.strip()]
     try:
         rows = list(csv.DictReader(lines, skipinitialspace=True))
     except csv.Error as error:
         raise CalibrationError(f"{path} does not parse as CSV ({error}).") from None
+    heads = [name.strip() for name in next(csv.reader(lines[:1], skipinitialspace=True), [])]
+    if len(heads) == 1 and any(mark in heads[0] for mark in ";\t"):
+        raise CalibrationError(f"{path}: separate the columns by commas, got {heads[0][:40]!r}.")
+    twice = [name for name in heads if name and heads.count(name) > 1]
+    if twice:
+        raise CalibrationError(f"{path}: two columns are called {twice[0][:40]!r}.")
     if any(None in row for row in rows):
         raise CalibrationError(f"{path}: a row has more values than the heading.")
     return rows

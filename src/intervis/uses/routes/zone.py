@@ -185,7 +185,7 @@ class Zone:
         """(N, 2) middles of the cells that lie inside; None if there are too many to look at."""
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         count = np.maximum(np.ceil((high - low) / spacing_m), 1.0)
-        if count.prod() > MOST_CELLS:
+        if count[0] > MOST_CELLS / count[1]:  # their product may be infinite
             return None
         i, j = np.indices(count.astype(np.int64)).reshape(2, -1)
         middles = low + (np.column_stack([i, j]) + 0.5) * ((high - low) / count)

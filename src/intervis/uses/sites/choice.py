@@ -18,6 +18,8 @@ FEW_SETS = 100_000
 """``auto`` proves the best set where there are no more sets than this."""
 MOST_WORK = {"auto": 1e9, "exact": 2e10}
 """Targets that a search looks at before it stops without a proof: some seconds, some minutes."""
+LEAST_WORK = 1000
+"""A gain takes as long as that of so many targets, however few there are."""
 DEEPEST = 300
 """Larger sets are not searched: the search calls itself once for each place."""
 ROUNDING = 1e-12
@@ -153,7 +155,7 @@ class _Search:
     def __init__(self, objective: Objective, count: int, start: Choice, most_work: float) -> None:
         self._objective, self._count, self._start = objective, count, start
         self._best, self._sites = start.value, start.sites
-        self._most = int(most_work / max(len(objective.weight), 1))
+        self._most = int(most_work / max(len(objective.weight), LEAST_WORK))
         self._evaluations = start.evaluations
 
     def run(self) -> Choice:

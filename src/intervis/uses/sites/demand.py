@@ -79,6 +79,8 @@ def demand_of_zones(scene: Scene, zones: Sequence[Zone], cell_m: float = 1.0) ->
         weights.append(np.full(len(samples), zone.weight * zone.area_m2 / len(samples)))
         members.append(np.full(len(samples), nth, np.int64))
     weight = np.concatenate(weights)
+    if not weight.sum() > 0.0:  # a weight so small that its product with an area is 0
+        raise PointsError("all zones have the weight 0: give one a positive weight.")
     return Demand(
         np.concatenate(points), weight / weight.sum(), np.concatenate(members), tuple(zones)
     )
@@ -145,6 +147,8 @@ def weighted_by_users(
         raise PointsError("the weights of road users must be 0 or more, and finite, one for each.")
     if not np.isfinite(users[:, :2]).all():
         raise PointsError("the places of road users must be finite, in metres.")
+    if len(users) and not each.any():
+        raise PointsError("all road users have the weight 0: give one a positive weight.")
     near = cKDTree(users[:, :2]).query_ball_tree(cKDTree(demand.points[:, :2]), USER_RADIUS_M)
     gathered, outside = np.zeros(len(demand.points)), 0
     for mine, amount in zip(near, each, strict=True):

@@ -17,6 +17,8 @@ OBJECTS = {
 }
 """Length, width and height of objects, metres."""
 LARGEST_M = 100.0
+LEAST_SPACING_DEG = 1e-6
+"""Of beams: far below that of any scanner or camera, and so wide that returns can be counted."""
 
 
 def object_size(text: str) -> tuple[float, float, float]:
@@ -75,6 +77,11 @@ def scanner_with(
         raise SettingsError(
             "the spacing of beams must be above 0 and up to 10 degrees, and the field of view LOW"
             f" less than HIGH, got {above:g} and {low:g}, {high:g}."
+        )
+    if not (LEAST_SPACING_DEG <= beside and LEAST_SPACING_DEG <= above):
+        raise SettingsError(
+            f"the spacing of beams must be {LEAST_SPACING_DEG:g} degrees or more, got {beside:g},"
+            f" {above:g}."
         )
     beams = max(round((high - low) / above), 1) + 1
     far_m = positive_length("the range", range_m)

@@ -1,7 +1,8 @@
 """A recording for Foxglove, as an MCAP file with Foxglove's messages."""
 
 import contextlib
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -66,37 +67,46 @@ def _metadata(drive: Drive, request: ViewRequest, clock: DriveClock) -> dict[str
 
 
 class _WatchedFile:
-    """A file whose first error is kept: the writer of the SDK only logs what it cannot write."""
+    """A file whose first error is kept: the writer of the SDK only logs what it cannot write.
+
+    After the error it takes everything and keeps count of its position, which the SDK compares
+    with its own: it would end with a panic where they differ.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self._error: OSError | None = None
+        self._at = self._end = 0
 
     def write(self, content: bytes) -> int:
         """Write, unless a write failed before."""
-        if self._error is None:
-            try:
-                self._file.write(content)
-            except OSError as error:
-                self._error = error
+        self._attempt(lambda: self._file.write(content))
+        self._at += len(content)
+        self._end = max(self._end, self._at)
         return len(content)
 
-    def seek(self, offset: int, whence: int = 0) -> int:
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """As of a file."""
-        return self._file.seek(offset, whence)
+        origin = {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self._end}[whence]
+        self._at = origin + offset
+        self._attempt(lambda: self._file.seek(self._at))
+        return self._at
 
     def flush(self) -> None:
         """Flush, unless a write failed before."""
-        if self._error is None:
-            try:
-                self._file.flush()
-            except OSError as error:
-                self._error = error
+        self._attempt(self._file.flush)
 
     def check(self) -> None:
         """Raise what a write raised."""
         if self._error is not None:
             raise self._error
+
+    def _attempt(self, call: Callable[[], object]) -> None:
+        if self._error is None:
+            try:
+                call()
+            except OSError as error:
+                self._error = error
 
 
 class FoxgloveSink:
