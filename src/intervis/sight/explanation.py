@@ -183,8 +183,8 @@ def _visible(probability: float, length_m: float, clearance_m: float, unobserved
 def _unknown(probability: float, length_m: float, unobserved_m: float) -> str:
     if unobserved_m > 0.5:
         return (
-            "Unknown: not observed throughout; prior knowledge included, visible with a probability of"
-            f" {_percent(probability)}. No scan observed {_metres(unobserved_m)} of its"
+            "Unknown: not observed throughout; prior knowledge included, visible with a"
+            f" probability of {_percent(probability)}. No scan observed {_metres(unobserved_m)} of its"
             f" {_metres(length_m)} m, and no observed surface clearly occludes the rest."
         )
     return (
