@@ -184,8 +184,8 @@ def _unknown(probability: float, length_m: float, unobserved_m: float) -> str:
     if unobserved_m > 0.5:
         return (
             "Unknown: not observed throughout; prior knowledge included, visible with a"
-            f" probability of {_percent(probability)}. No scan observed {_metres(unobserved_m)} of its"
-            f" {_metres(length_m)} m, and no observed surface clearly occludes the rest."
+            f" probability of {_percent(probability)}. No scan observed {_metres(unobserved_m)} of"
+            f" its {_metres(length_m)} m, and no observed surface clearly occludes the rest."
         )
     return (
         f"Unknown: not decided; the best estimate of the probability of being visible is"
