@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from intervis import open_drive
@@ -22,6 +22,7 @@ PLACES = st.lists(
 
 
 @given(PLACES, st.floats(-60, 60), st.floats(-60, 60))
+@example([(0.0, 1.0), (-24.0, 0.0625), (0.0, 1.0), (-25.0, 0.0)], -24.0, 0.0)
 def test_a_point_is_located_at_the_nearest_place(places, x: float, y: float) -> None:
     try:
         route = Route.through([[*place, 0.0] for place in places])

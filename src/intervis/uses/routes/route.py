@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from intervis.arrays import LARGEST_M, Float64Array, numbers_of
@@ -21,6 +21,8 @@ LARGEST = 1e12
 """Times and speeds are no larger."""
 
 MOST_STATIONS = 2_000_000
+POINTS_AT_ONCE = 64
+"""Of points that are located: one that is far away may have all samples of a route near."""
 STRAIGHT_M = 5.0
 """The last part of a route, whose direction an extension keeps."""
 
@@ -205,27 +207,40 @@ class Route:
         given = given.reshape(-1, 2)
         chainage_m, offset_m = np.full(len(given), np.nan), np.full(len(given), np.nan)
         known = (np.abs(given) <= LARGEST_M).all(axis=1)
-        if known.any():
-            chainage_m[known], offset_m[known] = self._located(given[known])
+        # Samples of the route, among them all its points, at most `apart_m` from each other.
+        apart_m = max(0.25, self.length_m / 1e5)
+        sample_m = np.union1d(self.stations(apart_m), self.chainage_m)
+        samples = cKDTree(self.at(sample_m)[:, :2])
+        rows = np.flatnonzero(known)
+        for begin in range(0, len(rows), POINTS_AT_ONCE):
+            some = rows[begin : begin + POINTS_AT_ONCE]
+            # The nearest place is on a segment of a sample that is farther by no more than that.
+            near = samples.query_ball_point(given[some], samples.query(given[some])[0] + apart_m)
+            chainage_m[some], offset_m[some] = self._located(given[some], near, sample_m)
         return chainage_m, offset_m
 
-    def _located(self, xy: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """As `locate`, by the segments around the nearest of close places along the route."""
-        fine_m = np.append(self.stations(max(0.25, self.length_m / 1e5)), self.length_m)
-        _, nearest = cKDTree(self.at(fine_m)[:, :2]).query(xy)
-        first = np.searchsorted(self.chainage_m, fine_m[nearest], side="right") - 1
-        segments = np.clip(first[:, None] + np.array([-1, 0, 1]), 0, len(self.points) - 2)
-        start, step = self.points[segments, :2], np.diff(self.points[:, :2], axis=0)[segments]
-        length_m = np.linalg.norm(step, axis=2)
-        along = np.clip(((xy[:, None] - start) * step).sum(axis=2) / length_m**2, 0.0, 1.0)
-        apart = xy[:, None] - (start + along[..., None] * step)
-        best = np.linalg.norm(apart, axis=2).argmin(axis=1)
-        row = np.arange(len(xy))
-        along, step, apart = along[row, best], step[row, best], apart[row, best]
+    def _located(
+        self, xy: Float64Array, near: NDArray[np.object_], sample_m: Float64Array
+    ) -> tuple[Float64Array, Float64Array]:
+        """As `locate`, of points (M, 2), by the segments of the samples `near` each."""
+        row = np.repeat(np.arange(len(xy)), [len(one) for one in near])
+        after = np.searchsorted(self.chainage_m, sample_m[np.concatenate(near)], side="right") - 1
+        # A sample that is a point of the route belongs to the segment before it as well.
+        row, segment = np.tile(row, 2), np.concatenate([after, after - 1])
+        segment = np.clip(segment, 0, len(self.points) - 2)
+        start, step = self.points[segment, :2], np.diff(self.points[:, :2], axis=0)[segment]
+        length_m = np.linalg.norm(step, axis=1)
+        along = np.clip(((xy[row] - start) * step).sum(axis=1) / length_m**2, 0.0, 1.0)
+        beside = xy[row] - (start + along[:, None] * step)
+        distance_m = np.linalg.norm(beside, axis=1)
+        # Of equally near places the first along the route.
+        order = np.lexsort((segment, distance_m, row))
+        best = order[np.searchsorted(row[order], np.arange(len(xy)))]
+        step, beside = step[best], beside[best]
         # Beyond an end the nearest place is the end: the offset is the distance to it there.
-        side = np.where(step[:, 0] * apart[:, 1] < step[:, 1] * apart[:, 0], -1.0, 1.0)
-        chainage_m = self.chainage_m[segments[row, best]] + along * length_m[row, best]
-        return chainage_m, side * np.linalg.norm(apart, axis=1)
+        side = np.where(step[:, 0] * beside[:, 1] < step[:, 1] * beside[:, 0], -1.0, 1.0)
+        chainage_m = self.chainage_m[segment[best]] + along[best] * length_m[best]
+        return chainage_m, side * distance_m[best]
 
     def reversed(self) -> Route:
         """The same places in the other direction; without times, with the speeds."""
