@@ -118,3 +118,14 @@ def test_impossible_requests_are_one_sentence(options, said, tmp_path, capsys):
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1
+
+
+def test_a_file_of_the_drive_is_not_written_over(tmp_path, capsys):
+    """By whatever name: calibration of some layouts stands beside the drive's folder."""
+    drive = scan_folder(tmp_path / "drive", (0,))
+    scan = min(path for path in drive.rglob("*") if path.suffix in (".bin", ".pcd", ".npy"))
+    before, other = scan.read_bytes(), tmp_path / "times.json"
+    other.hardlink_to(scan)
+    assert exit_code(["bench", str(drive), "--json", str(other)]) == 2
+    assert "never changes: choose another place" in capsys.readouterr().err
+    assert scan.read_bytes() == before

@@ -4,15 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intervis.arrays import Float64Array, FloatArray, IntArray
+from intervis.arrays import LARGEST_M, Float64Array, FloatArray, IntArray
 from intervis.camera import Camera
 from intervis.kernels import kernel
 
 AZIMUTH_FOV_DEG = {"circle": 360.0, "wide": 180.0, "front": 90.0}
 """Azimuth fields of view by name, centred on the sensor's x axis, for scans without a camera."""
-
-FARTHEST_M = 1e9
-"""Rows whose magnitudes sum to more are no return."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +85,7 @@ def in_azimuth(points_velo: FloatArray, fov_deg: float) -> FieldOfView:
 @kernel
 def _is_return(x: float, y: float, z: float) -> bool:
     # The sum is NaN or large exactly when a term is. (0, 0, 0) marks a beam without return.
-    return bool(0.0 < abs(x) + abs(y) + abs(z) <= FARTHEST_M)
+    return bool(0.0 < abs(x) + abs(y) + abs(z) <= LARGEST_M)
 
 
 @kernel

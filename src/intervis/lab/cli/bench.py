@@ -54,7 +54,7 @@ def bench(
     Calls are interleaved; medians are shown. Tools that are installed take part: scipy, Embree, and
     Open3D and pythoncdt if they are there.
     """
-    from intervis.cli.options import check_output_file
+    from intervis.cli.options import check_drive_kept, check_output_file
     from intervis.files import write_text
     from intervis.lab.speed.comparison import as_json, changes_table, read_earlier, timings_table
     from intervis.lab.speed.timing import LEAST_ROUNDS, interleaved
@@ -79,6 +79,7 @@ def bench(
     earlier = None if compare is None else read_earlier(compare)
     with tempfile.TemporaryDirectory() as folder:
         drive = _drive(source, Path(folder))
+        check_drive_kept(drive, [json])
         number = drive.frame_numbers[0] if frame is None else frame
         works = _works_with(only, list(works_of(question_of(drive, number))))
         with progress("timing", len(works) * (rounds + 1)) as advance:

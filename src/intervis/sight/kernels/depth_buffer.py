@@ -5,7 +5,7 @@ Each is one loop, so that the first two are vectorised; see the notes of the pac
 
 import numpy as np
 
-from intervis.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int32Array
+from intervis.arrays import LARGEST_M, BoolArray, Float32Array, Float64Array, FloatArray, Int32Array
 from intervis.kernels import kernel
 from intervis.sight.kernels.projection import (
     FULL_CIRCLE,
@@ -13,9 +13,6 @@ from intervis.sight.kernels.projection import (
     pseudo_azimuth,
     pseudo_elevation,
 )
-
-FARTHEST_M = 1e9
-"""Points beyond are no returns: their squares, and ranges as float32, stay finite."""
 
 
 @kernel
@@ -53,7 +50,7 @@ def cells_of(
         rho = np.sqrt(square)
         r = np.sqrt(square + w * w)
         origin = (u == a) & (v == b) & (w == c)
-        there = (r < FARTHEST_M) & ~origin  # not for NaN
+        there = (r < LARGEST_M) & ~origin  # not for NaN
         column = min(pseudo_azimuth(u, v) * columns_per_unit, last_column)
         row = min((pseudo_elevation(rho, w) + ZENITH) * rows_per_unit, last_row)
         column = column if there else 0.0  # an integer of NaN would be an index out of bounds

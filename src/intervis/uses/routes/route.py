@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from intervis.arrays import LARGEST_M, Float64Array, numbers_of
-from intervis.drives.trajectory import FARTHEST_M
 from intervis.errors import PointsError, SettingsError
 from intervis.sight.query_checks import finite_number, positive_length
 
@@ -103,9 +102,9 @@ class Route:
             positive, or less than two places apart.
         """
         xyz = numbers_of(points, "the places of a route")
-        if xyz.ndim != 2 or xyz.shape[1] != 3 or not (np.abs(xyz) <= FARTHEST_M).all():
+        if xyz.ndim != 2 or xyz.shape[1] != 3 or not (np.abs(xyz) <= LARGEST_M).all():
             raise PointsError(
-                f"the places of a route must have the shape (N, 3), in metres up to {FARTHEST_M:g}."
+                f"the places of a route must have the shape (N, 3), in metres up to {LARGEST_M:g}."
             )
         times = _column(time_s, len(xyz), "times")
         step_s = np.diff(times)
