@@ -95,7 +95,7 @@ def sight(
     of the lines to many targets, how many have which state. Where the drive has labels of points or
     boxes of objects, also the class of what occludes them.
     """
-    from intervis.errors import SettingsError
+    from intervis.errors import DriveError, SettingsError
 
     frame_range = options.frame_range(frames)
     given_start = options.place(start, "--from")
@@ -114,6 +114,7 @@ def sight(
     from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE
     from intervis.uses.answer_file import check_ending, save_answers
     from intervis.uses.registration import query_moment_s
+    from intervis.uses.semantics.classed_returns import no_classes
     from intervis.uses.semantics.labelled_scene import scene_of_frames
 
     check_ending(out)
@@ -129,6 +130,8 @@ def sight(
     numbers = _other_frames(drive, now, frame_range)
     with progress("scans", len(numbers) + 2) as advance:
         labelled = scene_of_frames(drive, now, numbers, tuple(without or ()), advance)
+        if blockers is not None and labelled.returns is None:
+            raise DriveError(no_classes(now))
         scene = labelled.scene
         many = np.concatenate([np.reshape(to_points, (-1, 3)), _targets(labelled, targets)])
         # at the time of frame N, if every scan has a timestamp
