@@ -178,9 +178,11 @@ def _in_boxes(points: Any, boxes: Any) -> None:
     uses.ClassedReturns.in_boxes(points, boxes)
 
 
-def _labelled_scene(number: Any, frames: Any, without: Any, within_m: Any) -> None:
+def _labelled_scene(
+    number: Any, frames: Any, without: Any, viewpoint: Any, targets: Any, risk: Any, within_m: Any
+) -> None:
     labelled = uses.labelled_scene(labelled_drive(), number, frames=frames, without=without)
-    labelled.blocker_classes(labelled.scene.sight(np.zeros(3), TARGETS), within_m)
+    labelled.blocker_classes(labelled.sight(viewpoint, targets, risk=risk), within_m)
 
 
 def _frame(**values: Any) -> None:
@@ -397,7 +399,10 @@ def targets() -> dict[str, Call]:
         "classed_returns": Call(uses.classed_returns, {"frame": labelled_frame()}),
         "labelled_scene": Call(
             _labelled_scene,
-            {"number": 0, "frames": [1], "without": ["building"], "within_m": 1.0},
+            {
+                **{"number": 0, "frames": [1], "without": ["building"], "within_m": 1.0},
+                **{"viewpoint": eye, "targets": TARGETS, "risk": 0.05},
+            },
         ),
         "blocker_shares": Call(uses.blocker_shares, {"classes": np.array(["car", "", "building"])}),
         "save_answers": Call(

@@ -144,7 +144,7 @@ def test_command_and_python_have_the_same_numbers(walls, tmp_path, capsys):
     assert exit_code(["sight", str(walls), *words, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     labelled = labelled_scene(open_drive(walls), 0, frames=[1], without=["vegetation"])
-    sight = labelled.scene.sight([1, 0, 0], labelled.targets)
+    sight = labelled.sight([1, 0, 0], labelled.targets)
     classes = labelled.blocker_classes(sight)
     assert f"2 scans without vegetation ({labelled.left_out:,} returns left out)" in said
     assert f"{len(sight):,} lines: {sight.visible.sum():,} visible" in said

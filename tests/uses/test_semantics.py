@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from labelled_walls import BESIDE_Y_M, WALL_X_M, walls_from, write_walls
 
 from intervis.drives import Box, Drive, Frame, open_drive
 from intervis.errors import ArgumentError, DriveError, PointsError, ScanError, SettingsError
@@ -14,6 +13,7 @@ from intervis.uses import ClassedReturns, blocker_shares, classed_returns, label
 from intervis.uses.registration import registered_scene
 from intervis.uses.semantics.blockers import blocker_table
 from intervis.uses.semantics.parked import is_parked, parked_tracks
+from labelled_walls import BESIDE_Y_M, WALL_X_M, walls_from, write_walls
 
 ARRAYS = ("state", "probability", "blocker", "clearance", "observed")
 BEHIND_HEDGE = np.array([[WALL_X_M - 0.1, y, z] for y in (-0.6, 0.0, 0.6) for z in (-1.0, 0.0)])
@@ -37,11 +37,11 @@ def same_answers(one, other):
 def test_the_hedge_and_the_wall_are_named(drive):
     labelled = labelled_scene(drive, 0)
     # Lines of 20 m: through the hedge; past it, through the wall; and one that ends before both.
-    sight = labelled.scene.sight([0, 0, 0], [[20, 0, 0], [20, 9, 0], [5, 0, 0]])
+    sight = labelled.sight([0, 0, 0], [[20, 0, 0], [20, 9, 0], [5, 0, 0]])
     assert sight.state.tolist() == [0, 0, 1]
     assert labelled.blocker_classes(sight).tolist() == ["vegetation", "building", ""]
     assert labelled.blocker_classes(sight, within_m=1e-6)[:2].tolist() == ["unlabelled"] * 2
-    square = labelled.scene.sight([[0, 0, 0], [1, 0, 0]], [[20, 0, 0], [20, 9, 0]])
+    square = labelled.sight([[0, 0, 0], [1, 0, 0]], [[20, 0, 0], [20, 9, 0]])
     assert labelled.blocker_classes(square).tolist() == [["vegetation", "building"]] * 2
 
 
@@ -49,7 +49,7 @@ def test_classes_follow_the_points_into_the_frame_of_the_scene(drive):
     """As seen from frame 1, the hedge stands at y from -7 to -5."""
     labelled = labelled_scene(drive, 1, frames=[0, 1])
     assert len(labelled.scene) == 2
-    sight = labelled.scene.sight([0, -BESIDE_Y_M, 0], [[20, -BESIDE_Y_M, 0], [20, 3, 0]])
+    sight = labelled.sight([0, -BESIDE_Y_M, 0], [[20, -BESIDE_Y_M, 0], [20, 3, 0]])
     assert labelled.blocker_classes(sight).tolist() == ["vegetation", "building"]
     hedge = labelled.returns.points[labelled.returns.are(["vegetation"])]
     assert hedge[:, 1].min() == pytest.approx(-7, abs=0.1)
@@ -92,21 +92,47 @@ def test_shares_sum_to_one_and_are_sorted():
 def test_without_the_hedge_another_scan_shows_the_wall(drive):
     """Scan 1 saw the way to the wall but for 1.6 m right behind the hedge at most."""
     whole = labelled_scene(drive, 0, frames=[1])
-    assert whole.scene.sight([0, 0, 0], BEHIND_HEDGE).occluded.all()
+    assert whole.sight([0, 0, 0], BEHIND_HEDGE).occluded.all()
     cut = labelled_scene(drive, 0, frames=[1], without=["vegetation"])
-    assert cut.scene.sight([0, 0, 0], BEHIND_HEDGE).visible.all()
+    assert cut.sight([0, 0, 0], BEHIND_HEDGE).visible.all()
     alone = labelled_scene(drive, 0, without=["vegetation"])
-    assert alone.scene.sight([0, 0, 0], BEHIND_HEDGE).unknown.all()
+    assert alone.sight([0, 0, 0], BEHIND_HEDGE).unknown.all()
 
 
 def test_without_the_hedge_one_scan_knows_nothing_there(drive):
     cut = labelled_scene(drive, 0, without=["vegetation"])
-    sight = cut.scene.sight([0, 0, 0], BEHIND_HEDGE)
+    sight = cut.sight([0, 0, 0], BEHIND_HEDGE)
     assert not sight.occluded.any()
     assert (sight.observed < 0.1).all()  # neither behind the hedge nor before it
-    beside = cut.scene.sight([0, 0, 0], [[11.9, 6, 0]])
+    beside = cut.sight([0, 0, 0], [[11.9, 6, 0]])
     assert beside.visible.all()
     assert beside.observed[0] > 0.99
+
+
+@pytest.mark.parametrize("frames", [(), (1,)])
+def test_what_was_left_out_can_only_have_occluded(drive, frames, rng):
+    cut = labelled_scene(drive, 0, frames=frames, without=["vegetation"])
+    ends = rng.uniform([1, -9, -1], [14, 9, 1], (3000, 3))
+    before = cut.whole.sight([0, 0, 0], ends, moment_s=None if frames else 0.0)
+    after, bare = cut.sight([0, 0, 0], ends), cut.scene.sight([0, 0, 0], ends)
+    assert after.visible[before.visible].all()
+    assert not after.occluded[before.unknown].any()
+    assert same_answers(after[before.occluded], bare[before.occluded])
+    assert (after.visible >= bare.visible).all()
+    for nth in range(0, 3000, 300):
+        one = cut.explain([0, 0, 0], ends[nth])
+        assert (one.state, one.probability) == (after.state[nth], after.probability[nth])
+
+
+def test_space_before_the_hedge_stays_visible(drive):
+    """The beams that met the hedge crossed it; a strict risk does not trust the prior alone."""
+    cut = labelled_scene(drive, 0, without=["vegetation"])
+    ends = [[7.0, y, z] for y in (-0.5, 0.0, 0.5) for z in (-0.8, 0.0)]
+    sight, bare = (one.sight([0, 0, 0], ends, risk=0.02) for one in (cut, cut.scene))
+    assert sight.visible.all()
+    assert (sight.observed > 0.99).all()
+    assert bare.unknown.all()
+    assert (bare.observed < 0.01).all()
 
 
 def test_what_is_left_is_counted(drive):
@@ -124,12 +150,12 @@ def test_without_nothing_nothing_changes(drive):
     for numbers in ((), (1,)):
         labelled = labelled_scene(drive, 0, frames=numbers, without=())
         scene = registered_scene(drive, drive[0], numbers)
-        sight = labelled.scene.sight([0.5, 0, 0], ends)
+        sight = labelled.sight([0.5, 0, 0], ends)
         assert same_answers(sight, scene.sight([0.5, 0, 0], ends))
         np.testing.assert_array_equal(labelled.targets, drive[0].points)
         assert (labelled.left_out, labelled.without) == (0, ())
     alone = Scene.from_scan(drive[0].points).sight([0.5, 0, 0], ends)
-    assert same_answers(labelled_scene(drive, 0).scene.sight([0.5, 0, 0], ends), alone)
+    assert same_answers(labelled_scene(drive, 0).sight([0.5, 0, 0], ends), alone)
 
 
 def test_the_order_of_the_returns_changes_nothing(drive, tmp_path, rng):
@@ -138,7 +164,7 @@ def test_the_order_of_the_returns_changes_nothing(drive, tmp_path, rng):
     ends = drive[0].points[::37].astype(float) * 1.2
     for without in ((), ("vegetation",)):
         one, two = (labelled_scene(each, 0, without=without) for each in (drive, other))
-        sights = [each.scene.sight([0.5, 0, 0], ends) for each in (one, two)]
+        sights = [each.sight([0.5, 0, 0], ends) for each in (one, two)]
         # Not to the bit: the spacing of the beams is estimated from some of the returns.
         np.testing.assert_array_equal(sights[0].state, sights[1].state)
         assert one.left_out == two.left_out
@@ -310,7 +336,7 @@ def test_frames_without_classes_are_told(tmp_path):
     labelled = labelled_scene(plain, 0)
     assert labelled.returns is None
     with pytest.raises(DriveError, match=told):
-        labelled.blocker_classes(labelled.scene.sight([0, 0, 0], [[20, 0, 0]]))
+        labelled.blocker_classes(labelled.sight([0, 0, 0], [[20, 0, 0]]))
     with pytest.raises(DriveError, match=told):
         classed_returns(plain[0])
     with pytest.raises(DriveError, match="frame 7 has neither"):
@@ -324,7 +350,7 @@ def test_a_frame_without_labels_among_others_is_told(drive, tmp_path):
         labelled_scene(again, 0, frames=[1], without=["vegetation"])
     # Named by the frame that has labels, where nothing is left out.
     labelled = labelled_scene(again, 0, frames=[1])
-    sight = labelled.scene.sight([0, 0, 0], [[20, 0, 0]])
+    sight = labelled.sight([0, 0, 0], [[20, 0, 0]])
     assert labelled.blocker_classes(sight).tolist() == ["vegetation"]
 
 
@@ -335,7 +361,7 @@ def test_a_frame_without_labels_among_others_is_told(drive, tmp_path):
 def test_every_occluded_line_of_a_real_scan_has_a_class(shared_data):
     drive = open_drive(shared_data / "semantickitti")
     labelled = labelled_scene(drive, 0)
-    sight = labelled.scene.sight([16, 0, 0], labelled.targets[::5])
+    sight = labelled.sight([16, 0, 0], labelled.targets[::5])
     classes = labelled.blocker_classes(sight)
     assert ((classes != "") == sight.occluded).all()
     shares = blocker_shares(classes)
@@ -345,8 +371,10 @@ def test_every_occluded_line_of_a_real_scan_has_a_class(shared_data):
     assert shares["unlabelled"] < 0.1
     cut = labelled_scene(drive, 0, without=["vegetation"])
     assert cut.left_out == 24_514  # by numpy, over the file of labels
-    after = cut.scene.sight([16, 0, 0], labelled.targets[::5])
+    after = cut.sight([16, 0, 0], labelled.targets[::5])
     assert not (cut.blocker_classes(after) == "vegetation").any()
+    assert after.visible[sight.visible].all()
+    assert after.occluded.sum() < sight.occluded.sum()
 
 
 @pytest.mark.realdata

@@ -110,10 +110,8 @@ def sight(
     import numpy as np
 
     from intervis.drives import open_drive
-    from intervis.sight import explain
     from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE
     from intervis.uses.answer_file import check_ending, save_answers
-    from intervis.uses.registration import query_moment_s
     from intervis.uses.semantics.classed_returns import no_classes
     from intervis.uses.semantics.labelled_scene import scene_of_frames
 
@@ -132,17 +130,13 @@ def sight(
         labelled = scene_of_frames(drive, now, numbers, tuple(without or ()), advance)
         if blockers is not None and labelled.returns is None:
             raise DriveError(no_classes(now))
-        scene = labelled.scene
         many = np.concatenate([np.reshape(to_points, (-1, 3)), _targets(labelled, targets)])
-        # at the time of frame N, if every scan has a timestamp
-        moment_s = query_moment_s(scene)
-        explained = [
-            explain(scene, from_point, end, risk=risk, moment_s=moment_s) for end in to_points
-        ]
-        answers = scene.sight(from_point, many, risk=risk, moment_s=moment_s)
+        explained = [labelled.explain(from_point, end, risk=risk) for end in to_points]
+        answers = labelled.sight(from_point, many, risk=risk)
         classes = None if labelled.returns is None else labelled.blocker_classes(answers)
         advance("sight lines")
-    scans = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}{_left_out(labelled)}"
+    count = len(labelled.scene)
+    scans = f"{count} scan{'s' if count != 1 else ''}{_left_out(labelled)}"
     show(f"{drive.name}, frame {now.number}, {scans}; coordinates in its sensor frame.")
     for nth, one in enumerate(explained):
         show(f"{one}{_class_of_blocker(one, classes, nth)}")
@@ -154,10 +148,10 @@ def sight(
         show(f"Answers: {out}")
     if picture is not None:
         line = (explained[0], np.array(to_points[0])) if explained else (None, None)
-        _draw(picture, labelled, from_point, (risk, moment_s), *line)
+        _draw(picture, labelled, from_point, risk, *line)
         show(f"Picture: {picture}")
     if blockers is not None:
-        _draw_blockers(blockers, drive, numbers, labelled, from_point, (risk, moment_s))
+        _draw_blockers(blockers, drive, numbers, labelled, from_point, risk)
         show(f"Picture of the blockers: {blockers}")
 
 
@@ -232,7 +226,7 @@ def _draw(
     path: Path,
     labelled: "LabelledScene",
     start: Point,
-    asked: tuple[float, float | None],
+    risk: float,
     explained: "Explanation | None",
     end: "Float64Array | None",
 ) -> None:
@@ -244,8 +238,7 @@ def _draw(
     from intervis.plots.style import save_figure
 
     points = labelled.targets
-    risk, moment_s = asked
-    answers = labelled.scene.sight(start, points, risk=risk, moment_s=moment_s)
+    answers = labelled.sight(start, points, risk=risk)
     drawn = replace(labelled.frame, points=points.astype(np.float32), attributes={})
     figure = sight_picture(drawn, answers, np.array(start), explained, end)
     save_figure(figure, path, path.suffix[1:].lower())
@@ -257,7 +250,7 @@ def _draw_blockers(
     numbers: list[int],
     labelled: "LabelledScene",
     start: Point,
-    asked: tuple[float, float | None],
+    risk: float,
 ) -> None:
     """Draw the classes of the blockers; where some are left out, beside those of the whole scene.
 
@@ -269,10 +262,8 @@ def _draw_blockers(
     from intervis.uses.semantics.blocker_figure import Panel, blocker_picture
     from intervis.uses.semantics.labelled_scene import scene_of_frames
 
-    risk, moment_s = asked
-
     def panel(one: "LabelledScene", title: str) -> Panel:
-        sight = one.scene.sight(start, labelled.targets, risk=risk, moment_s=moment_s)
+        sight = one.sight(start, labelled.targets, risk=risk)
         return Panel(title, sight, one.blocker_classes(sight))
 
     panels = [panel(labelled, f"without {', '.join(labelled.without)}")]

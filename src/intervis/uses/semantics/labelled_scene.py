@@ -6,16 +6,31 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from intervis.arguments import object_of, whole_numbers_of
 from intervis.arrays import BoolArray, Float64Array, finite_rows
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError, SettingsError
 from intervis.progress import Progress, reporter
-from intervis.sight import Scene, Sight, sensor_of_scan
+from intervis.sight import (
+    OCCLUDED,
+    UNKNOWN,
+    VISIBLE,
+    Explanation,
+    Scene,
+    Sight,
+    explain,
+    sensor_of_scan,
+)
+from intervis.sight.occupancy_model import DEFAULT_RISK
 from intervis.transform import transform
-from intervis.uses.registration import RegisteredFrame, registered_frames, scene_for
+from intervis.uses.registration import (
+    RegisteredFrame,
+    query_moment_s,
+    registered_frames,
+    scene_for,
+)
 from intervis.uses.semantics.classed_returns import (
     NAMED_WITHIN_M,
     PARKED,
@@ -36,8 +51,12 @@ class LabelledScene:
     Attributes
     ----------
     scene : Scene
+        Without the returns of the classes in `without`, as if these beams had not returned: for
+        what takes a Scene. `sight` knows more.
+    whole : Scene
+        As scanned; `scene` itself where nothing is left out.
     frame : Frame
-        The one whose sensor frame is the scene's.
+        The one whose sensor frame is that of the scenes.
     targets : (K, 3) float64 array
         The returns of `frame` that are left: finite, and of no class that was left out.
     without : tuple of str
@@ -49,11 +68,61 @@ class LabelledScene:
     """
 
     scene: Scene
+    whole: Scene
     frame: Frame
     targets: Float64Array = field(repr=False)
     without: tuple[str, ...]
     left_out: int
     returns: ClassedReturns | None
+
+    def sight(
+        self, viewpoint: ArrayLike, targets: ArrayLike, *, risk: float = DEFAULT_RISK
+    ) -> Sight:
+        """Which targets would be visible if the classes in `without` were gone.
+
+        The answers of `scene`, at the time of the frame if every scan has a timestamp. What was
+        left out can only have occluded: a line that is visible as scanned stays visible, and one
+        that is unknown does not become occluded.
+
+        Parameters
+        ----------
+        viewpoint, targets, risk
+            See `intervis.Scene.sight`.
+
+        Returns
+        -------
+        Sight
+
+        Raises
+        ------
+        PointsError, SettingsError
+            As `intervis.Scene.sight`.
+        """
+        moment_s = query_moment_s(self.scene)
+        cut = self.scene.sight(viewpoint, targets, risk=risk, moment_s=moment_s)
+        if self.whole is self.scene:
+            return cut
+        whole = self.whole.sight(viewpoint, targets, risk=risk, moment_s=moment_s)
+        kept = _stays(whole.state, whole.probability, cut.state, cut.probability)
+        return Sight(
+            np.where(kept, whole.state, cut.state),
+            np.where(kept, whole.probability, cut.probability),
+            np.where(kept[..., None], whole.blocker, cut.blocker),
+            np.where(kept, whole.clearance, cut.clearance),
+            np.where(kept, whole.observed, cut.observed),
+        )
+
+    def explain(
+        self, viewpoint: ArrayLike, target: ArrayLike, *, risk: float = DEFAULT_RISK
+    ) -> Explanation:
+        """One line of `sight`, explained; see `intervis.explain`."""
+        moment_s = query_moment_s(self.scene)
+        cut = explain(self.scene, viewpoint, target, risk=risk, moment_s=moment_s)
+        if self.whole is self.scene:
+            return cut
+        whole = explain(self.whole, viewpoint, target, risk=risk, moment_s=moment_s)
+        kept = _stays(whole.state, whole.probability, cut.state, cut.probability)
+        return whole if kept else cut
 
     def blocker_classes(self, sight: Sight, within_m: float = NAMED_WITHIN_M) -> NDArray[np.str_]:
         """The class of what occludes each line.
@@ -65,7 +134,7 @@ class LabelledScene:
         Parameters
         ----------
         sight : Sight
-            Answers of `scene`.
+            Answers of `sight` or `scene`.
         within_m : float
             Metres.
 
@@ -98,11 +167,10 @@ def labelled_scene(
 ) -> LabelledScene:
     """A scene of a frame, and maybe others, that knows classes and can leave some of them out.
 
-    Where returns are left out nothing was observed: neither what stands behind them nor the free
-    space before them. Lines through there are unknown, or visible or occluded where the rest of
-    the line and the prior of unobserved space decide, unless another frame saw past. The stated
-    risk was calibrated on whole scans. Beams keep their spacing: the scanner is that of the whole
-    scan. ``docs/semantics.md`` says more.
+    Nothing was observed behind the returns that are left out. A line through there is unknown, or
+    visible or occluded where the rest of it and the prior of unobserved space decide, unless
+    another frame saw past. The stated risk was calibrated on whole scans. The spacing of the beams
+    is that of the whole scan. ``docs/semantics.md`` says more.
 
     Parameters
     ----------
@@ -145,10 +213,10 @@ def labelled_scene(
     ...     whole = labelled_scene(drive, 0)
     ...     cut = labelled_scene(drive, 0, without=["vegetation"])
     >>> line = [0, 0, 0], [[11, 0, -1.3]]
-    >>> whole.blocker_classes(whole.scene.sight(*line)), cut.left_out
+    >>> whole.blocker_classes(whole.sight(*line)), cut.left_out
     (array(['vegetation'], dtype='<U10'), 4000)
-    >>> bool(cut.scene.sight(*line).occluded[0])  # nothing was observed behind the hedge
-    False
+    >>> cut.sight(*line).state  # nothing was observed behind the hedge
+    array([-1], dtype=int8)
     """
     object_of(drive, Drive, "drive")
     classes, numbers = checked_classes(without), whole_numbers_of(frames, "frames")
@@ -166,6 +234,7 @@ def scene_of_frames(
 ) -> LabelledScene:
     """As `labelled_scene`, of a frame that was read already."""
     report, scene = reporter(progress), scene_for(others)
+    whole = scene_for(others) if without else scene
     tracks = parked_tracks(drive) if any(name.startswith(PARKED) for name in without) else {}
     parts: list[ClassedReturns] = []
     choices: list[str] = []
@@ -180,6 +249,8 @@ def scene_of_frames(
             parts.append(_in_scene(returns, kept, registered))
         elif without:
             raise DriveError(no_classes(frame))
+        if without:
+            _add(whole, registered, np.ones(len(kept), np.bool_))
         _add(scene, registered, kept)
         left_out += int(np.count_nonzero(~kept))
         report(f"frame {frame.number}")
@@ -190,7 +261,7 @@ def scene_of_frames(
         )
     targets = now.points[kept & finite_rows(now.points)].astype(np.float64)
     returns = joined(parts) if parts else None
-    return LabelledScene(scene, now, targets, without, left_out, returns)
+    return LabelledScene(scene, whole, now, targets, without, left_out, returns)
 
 
 def _add(scene: Scene, registered: RegisteredFrame, kept: BoolArray) -> None:
@@ -201,6 +272,21 @@ def _add(scene: Scene, registered: RegisteredFrame, kept: BoolArray) -> None:
         points = points[kept]
     scene.add(points, registered.now_from_frame, registered.time_s)
     scene.sensor = None
+
+
+def _stays(whole: ArrayLike, p_whole: ArrayLike, cut: ArrayLike, p_cut: ArrayLike) -> BoolArray:
+    """Lines whose answer as scanned, by state and probability, is the more visible one.
+
+    Never an occluded one: it may be occluded by what was left out.
+    """
+    before, after = _RANK[np.asarray(whole)], _RANK[np.asarray(cut)]
+    better = (before > after) | ((before == after) & (np.asarray(p_whole) > np.asarray(p_cut)))
+    return np.asarray(better & (np.asarray(whole) != OCCLUDED))
+
+
+_RANK = np.zeros(3, np.int64)
+"""Order of the states, by themselves as indices: the more visible, the higher."""
+_RANK[[OCCLUDED, UNKNOWN, VISIBLE]] = 0, 1, 2
 
 
 def _in_scene(
