@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from intervis.drives import Box, Drive, Frame, open_drive
 from intervis.errors import ArgumentError, DriveError, PointsError, ScanError, SettingsError
@@ -369,6 +370,10 @@ def test_every_occluded_line_of_a_real_scan_has_a_class(shared_data):
     assert set(shares) <= set(labelled.returns.names)
     assert all(more >= less for more, less in pairwise(shares.values()))
     assert shares["unlabelled"] < 0.1
+    met = np.isfinite(sight.blocker).all(axis=1)
+    distance_m, _ = cKDTree(labelled.targets).query(sight.blocker[met])
+    assert np.quantile(distance_m, 0.95) < 0.5
+    assert np.quantile(distance_m, 0.99) < 0.8
     cut = labelled_scene(drive, 0, without=["vegetation"])
     assert cut.left_out == 24_514  # by numpy, over the file of labels
     after = cut.sight([16, 0, 0], labelled.targets[::5])

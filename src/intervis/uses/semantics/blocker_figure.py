@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 VISIBLE_COLOUR = "#9cc9d8"
-CLASS_COLOURS = ("#c8385a", "#2e7d32", "#f2a33a", "#7b4bb5", "#8a5a2b", "#1f4e9c")
+CLASS_COLOURS = ("#c8385a", "#f2a33a", "#7b4bb5", "#1f4e9c", "#8a5a2b")
+OWN_COLOURS = {"vegetation": "#2e7d32"}
 OTHER, OTHER_COLOUR = "other classes", "#22262b"
 """The classes that occlude most have a colour each; all others share one."""
 
@@ -24,7 +25,7 @@ SHOWN_M = 35.0
 
 
 class Panel(NamedTuple):
-    """Answers for the same targets: of the scene as scanned, or without some classes.
+    """Answers for the same targets: of the scene as scanned, then without some classes.
 
     `classes` (M,) are those of the blockers, empty where a line is not occluded.
     """
@@ -54,8 +55,8 @@ def blocker_picture(
     """
     colours = _colours(panels)
     rows = [[f"above{n}" for n in range(len(panels))], ["bars"] * len(panels)]
-    bars_in = 0.45 + 0.3 * len(panels)
-    above_in = 6.6 / len(panels) + 0.5
+    bars_in = 0.35 + 0.25 * len(panels)
+    above_in = 6.2 / len(panels) + 0.4
     height_in = above_in + bars_in + 0.5
     ratios = [above_in, bars_in]
     with page_figure(height_in, mosaic=rows, height_ratios=ratios) as (figure, axes):
@@ -69,7 +70,9 @@ def blocker_picture(
 def _colours(panels: Sequence[Panel]) -> dict[str, str]:
     """Colours by class; those of the classes that occlude most, over all panels."""
     counts = blocker_counts(np.concatenate([panel.classes for panel in panels]))
-    chosen = dict(zip(counts, CLASS_COLOURS, strict=False))
+    own = {name: colour for name, colour in OWN_COLOURS.items() if name in counts}
+    others = dict(zip([name for name in counts if name not in own], CLASS_COLOURS, strict=False))
+    chosen = {name: (own | others)[name] for name in counts if name in own or name in others}
     return chosen | ({OTHER: OTHER_COLOUR} if len(counts) > len(chosen) else {})
 
 
@@ -103,26 +106,39 @@ def _draw_above(
         aspect="equal",
         xlabel="x forward, m",
         ylabel="y left, m",
-        title=panel.title,
     )
+    axes.set_title(panel.title[:1].upper() + panel.title[1:], pad=13)
+    above = {"xycoords": "axes fraction", "textcoords": "offset points", "fontsize": 7.0}
+    axes.annotate(_counts(panel.sight), (0.0, 1.0), (0.0, 4.0), **above)
+
+
+def _counts(sight: Sight) -> str:
+    masks = {"visible": sight.visible, "occluded": sight.occluded, "unknown": sight.unknown}
+    return ", ".join(f"{_percent(mask):.0f} % {name}" for name, mask in masks.items())
+
+
+def _percent(mask: NDArray[np.bool_]) -> float:
+    return 100.0 * float(mask.mean()) if len(mask) else 0.0
 
 
 def _draw_bars(axes: Any, panels: Sequence[Panel], colours: dict[str, str]) -> None:
-    """Shares of the targets, one bar for each panel: visible, occluded by class, unknown."""
+    """Of the lines that are occluded in the first panel: what each panel says of them."""
+    asked = panels[0].sight.occluded
     for row, panel in enumerate(panels):
         unknown, visible, *behind = _groups(panel, colours)
         left = 0.0
-        for name, mask in (visible, *behind, unknown):
-            percent = 100.0 * float(mask.mean()) if len(mask) else 0.0
-            colour = _palette(colours)[name]
-            axes.barh(-row, percent, 0.7, left, color=colour)
+        for name, mask in (*behind, unknown, visible):
+            percent = _percent(mask[asked])
+            axes.barh(-row, percent, 0.7, left, color=_palette(colours)[name])
             if percent >= 3.0:
                 ink = "white" if name.startswith("behind") else "black"
                 look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5}
                 axes.text(left + percent / 2, -row, f"{percent:.0f}", color=ink, **look)
             left += percent
-    axes.set(xlim=(0, 100), xlabel=f"share of the {len(panels[0].classes):,} returns, per cent")
-    axes.set_yticks([-row for row in range(len(panels))], [panel.title for panel in panels])
+    count = int(asked.sum())
+    axes.set(xlim=(0, 100), xlabel=f"per cent of the {count:,} lines that are occluded as scanned")
+    names = ["as scanned", "without"][: len(panels)]
+    axes.set_yticks([-row for row in range(len(panels))], names)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     axes.tick_params(left=False)
