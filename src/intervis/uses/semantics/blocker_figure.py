@@ -10,13 +10,15 @@ from intervis.arrays import Float64Array
 from intervis.plots.style import FAINT, dots, legend_below, mark_viewpoint, page_figure
 from intervis.sight import Sight
 from intervis.uses.semantics.blockers import blocker_counts
+from intervis.uses.semantics.classed_returns import UNLABELLED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 VISIBLE_COLOUR = "#9cc9d8"
-CLASS_COLOURS = ("#c8385a", "#f2a33a", "#7b4bb5", "#1f4e9c", "#8a5a2b")
-OWN_COLOURS = {"vegetation": "#2e7d32"}
+MOST_CLASSES = 6
+CLASS_COLOURS = ("#c8385a", "#f2a33a", "#7b4bb5", "#1f4e9c", "#8a5a2b", "#d05ce0")
+OWN_COLOURS = {"vegetation": "#2e7d32", UNLABELLED: "#6b7280"}
 OTHER, OTHER_COLOUR = "other classes", "#22262b"
 """The classes that occlude most have a colour each; all others share one."""
 
@@ -70,9 +72,9 @@ def blocker_picture(
 def _colours(panels: Sequence[Panel]) -> dict[str, str]:
     """Colours by class; those of the classes that occlude most, over all panels."""
     counts = blocker_counts(np.concatenate([panel.classes for panel in panels]))
-    own = {name: colour for name, colour in OWN_COLOURS.items() if name in counts}
-    others = dict(zip([name for name in counts if name not in own], CLASS_COLOURS, strict=False))
-    chosen = {name: (own | others)[name] for name in counts if name in own or name in others}
+    most = list(counts)[:MOST_CLASSES]
+    others = iter(CLASS_COLOURS)
+    chosen = {name: OWN_COLOURS.get(name) or next(others) for name in most}
     return chosen | ({OTHER: OTHER_COLOUR} if len(counts) > len(chosen) else {})
 
 
