@@ -27,6 +27,7 @@ from intervis.uses import labelled_scene
 CLASSES = {
     "car": (("car", "moving-car"), ("car", "glass")),
     "vegetation": (("vegetation",), ("vegetation",)),
+    "vegetation, trunk": (("vegetation", "trunk"), ("vegetation", "trunk")),
 }
 """What is left out: classes of returns, and of the street's triangles."""
 
@@ -40,13 +41,12 @@ MARGIN_M = 0.4
 
 
 class Counts(NamedTuple):
-    """Lines behind a class: how many, their answers without it, and how many of these are wrong."""
+    """Lines behind a class: how many, their answers without it, how many visible ones are wrong."""
 
     lines: int
     visible: int
-    visible_wrong: int
+    wrong: int
     occluded: int
-    occluded_wrong: int
     unknown: int
 
 
@@ -65,11 +65,8 @@ def counts(drive: Drive, name: str, number: int, others: tuple[int, ...]) -> Ite
         behind = np.isin(before, returns)
         after = cut.sight(place, targets[behind])
         is_open = _open(caster, transform(pose, np.array(place)), transform(pose, targets[behind]))
-        yield Counts(
-            *(int(behind.sum()), int(after.visible.sum()), int((after.visible & ~is_open).sum())),
-            *(int(after.occluded.sum()), int((after.occluded & is_open).sum())),
-            int(after.unknown.sum()),
-        )
+        masks = (behind, after.visible, after.visible & ~is_open, after.occluded, after.unknown)
+        yield Counts(*(int(mask.sum()) for mask in masks))
 
 
 def _open(caster: RayCaster, start: Float64Array, ends: Float64Array) -> BoolArray:
@@ -105,7 +102,7 @@ def _row(name: str, scans: int, parts: list[Counts]) -> tuple[str, ...]:
     total = Counts(*np.sum(parts, axis=0).tolist())
     shares = (total.visible, total.occluded, total.unknown)
     visible, occluded, unknown = (f"{100 * part / total.lines:.0f} %" for part in shares)
-    wrong = f"{100 * total.visible_wrong / max(total.visible, 1):.1f} %"
+    wrong = f"{100 * total.wrong / max(total.visible, 1):.1f} %"
     return name, str(scans), f"{total.lines:,}", visible, wrong, occluded, unknown
 
 
