@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intervis.arguments import object_of, whole_numbers_of
-from intervis.arrays import BoolArray, Float64Array, finite_rows
+from intervis.arrays import BoolArray, Float64Array, IntArray, finite_rows
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError, SettingsError
 from intervis.progress import Progress, reporter
 from intervis.sight import (
     OCCLUDED,
-    UNKNOWN,
     VISIBLE,
     Explanation,
     Scene,
@@ -240,28 +239,33 @@ def scene_of_frames(
     choices: list[str] = []
     left_out = 0
     for registered in registered_frames(drive, now, others):
-        frame = registered.frame
-        returns = returns_with_classes(frame, tracks)
-        kept = np.ones(len(frame.points), np.bool_)
+        returns = returns_with_classes(registered.frame, tracks)
+        kept = _kept(registered.frame, returns, without)
+        _add(scene, registered, kept)
+        if without:
+            _add(whole, registered, np.ones_like(kept))
         if returns is not None:
-            kept = ~returns.any_of(without)
             choices += returns.choices
             parts.append(_in_scene(returns, kept, registered))
-        elif without:
-            raise DriveError(no_classes(frame))
-        if without:
-            _add(whole, registered, np.ones(len(kept), np.bool_))
-        _add(scene, registered, kept)
         left_out += int(np.count_nonzero(~kept))
-        report(f"frame {frame.number}")
+        report(f"frame {registered.frame.number}")
     check_choices(without, choices)
     if without and not any(len(part) for part in parts):
         raise SettingsError(
             f"no return is left without {', '.join(without)}: leave out fewer classes."
         )
-    targets = now.points[kept & finite_rows(now.points)].astype(np.float64)
-    returns = joined(parts) if parts else None
-    return LabelledScene(scene, whole, now, targets, without, left_out, returns)
+    targets = now.points[kept & finite_rows(now.points)].astype(np.float64)  # `now` came last
+    every = joined(parts) if parts else None
+    return LabelledScene(scene, whole, now, targets, without, left_out, every)
+
+
+def _kept(frame: Frame, returns: ClassedReturns | None, without: tuple[str, ...]) -> BoolArray:
+    """(N,) mask of the returns of a frame that are of none of the classes."""
+    if returns is not None:
+        return ~returns.any_of(without)
+    if without:
+        raise DriveError(no_classes(frame))
+    return np.ones(len(frame.points), np.bool_)
 
 
 def _add(scene: Scene, registered: RegisteredFrame, kept: BoolArray) -> None:
@@ -279,14 +283,15 @@ def _stays(whole: ArrayLike, p_whole: ArrayLike, cut: ArrayLike, p_cut: ArrayLik
 
     Never an occluded one: it may be occluded by what was left out.
     """
-    before, after = _RANK[np.asarray(whole)], _RANK[np.asarray(cut)]
+    before, after = _rank(whole), _rank(cut)
     better = (before > after) | ((before == after) & (np.asarray(p_whole) > np.asarray(p_cut)))
-    return np.asarray(better & (np.asarray(whole) != OCCLUDED))
+    return np.asarray(better & (before > 0))
 
 
-_RANK = np.zeros(3, np.int64)
-"""Order of the states, by themselves as indices: the more visible, the higher."""
-_RANK[[OCCLUDED, UNKNOWN, VISIBLE]] = 0, 1, 2
+def _rank(state: ArrayLike) -> IntArray:
+    """Order of the states: occluded 0, unknown 1, visible 2."""
+    states = np.asarray(state)
+    return np.asarray((states != OCCLUDED) + (states == VISIBLE).astype(np.int64))
 
 
 def _in_scene(
