@@ -45,7 +45,8 @@ def sight(
         str | None,
         typer.Option(
             metavar="FILE|returns",
-            help="Many ends: the points of a file in the sensor frame, or the returns of frame N.",
+            help="Many ends: the points of a file in the sensor frame, or the returns of frame N"
+            " that --without leaves.",
         ),
     ] = None,
     out: Annotated[
