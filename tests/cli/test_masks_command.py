@@ -83,8 +83,14 @@ def test_more_frames_go_into_the_same_folder(sequence, tmp_path, capsys) -> None
     command = ["masks", str(sequence), "--out", str(tmp_path / "m"), *SMALL, "--no-cameras"]
     assert exit_code([*command, "--frames", "0"]) == 0
     assert exit_code([*command, "--frames", "1:3", "--stride", "2"]) == 0
-    names = sorted(path.name for path in (tmp_path / "m").iterdir())
-    assert names == ["000000.npz", "000001.npz", "masks.json"]
+    assert sorted(files_below(tmp_path / "m")) == [
+        ".intervis",
+        ".intervis-masks/0000000000.json",
+        ".intervis-masks/0000000001.json",
+        "000000.npz",
+        "000001.npz",
+        "masks.json",
+    ]
     assert exit_code([*command, "--definition", "occ3d"]) == 2
     assert "holds masks of another drive, layout, definition or grid" in capsys.readouterr().err
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from intervis.errors import OutputError
-from intervis.uses.voxels.mask_layouts import LAYOUTS, FrameName, layout_named, write_masks
+from intervis.uses.voxels.mask_layouts import LAYOUTS, FrameName, layout_named
+from intervis.uses.voxels.mask_record import write_frame
 from intervis.uses.voxels.masks import Masks
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 
@@ -38,10 +39,9 @@ def made_masks(labels: bool = True) -> Masks:
 
 
 def files_of(tmp_path, layout: str, masks: Masks) -> dict:
-    return {
-        path.relative_to(tmp_path).as_posix(): path
-        for path in write_masks(tmp_path, layout_named(layout), NAME, masks)
-    }
+    contents = layout_named(layout).write(NAME, masks)
+    write_frame(tmp_path, NAME.number, "made from this", contents)
+    return {name: tmp_path / name for name in contents}
 
 
 def test_semantickitti(tmp_path) -> None:
@@ -166,14 +166,4 @@ def test_mistakes_are_told(tmp_path) -> None:
     masks = made_masks()
     large = replace(masks, label=np.where(masks.occupied, 300, 0).astype(np.uint16))
     with pytest.raises(OutputError, match=r"classes up to 255, and the labels go up to 300"):
-        write_masks(tmp_path, layout_named("occ3d-nuscenes"), NAME, large)
-
-
-def test_masks_are_not_written_through_a_link(tmp_path):
-    (tmp_path / "theirs").mkdir()
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "voxels").symlink_to(tmp_path / "theirs")
-    with pytest.raises(OutputError, match="voxels is a link"):
-        write_masks(out, LAYOUTS["semantickitti"], NAME, made_masks())
-    assert list((tmp_path / "theirs").iterdir()) == []
+        layout_named("occ3d-nuscenes").write(NAME, large)

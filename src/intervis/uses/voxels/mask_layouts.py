@@ -9,15 +9,12 @@ from __future__ import annotations  # help() shows the names of the array types
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intervis.errors import OutputError
-from intervis.files import write_bytes
-from intervis.output_folder import refuse_links_below
 from intervis.uses.voxels.masks import Masks
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 from intervis.uses.voxels.voxelizer import LATER_SCANS
@@ -281,19 +278,3 @@ def layout_named(name: str) -> MaskLayout:
     if name not in LAYOUTS:
         raise OutputError(f"there is no layout {name!r}; choose one of {', '.join(LAYOUTS)}.")
     return LAYOUTS[name]
-
-
-def write_masks(out: Path, layout: MaskLayout, name: FrameName, masks: Masks) -> list[Path]:
-    """Write the files of a frame, each whole or not at all; their paths.
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written, stands behind a link, or a class does not fit the layout.
-    """
-    written = []
-    for path, content in layout.write(name, masks).items():
-        refuse_links_below(out, out / path)
-        write_bytes(out / path, content)
-        written.append(out / path)
-    return written
