@@ -26,12 +26,15 @@ class MaskRecord:
 
     Attributes
     ----------
+    number : int
+        Of the frame.
     fingerprint : str
         From `intervis.uses.voxels.mask_input.MaskInput`.
     files : mapping of str to str
         Digest of the content of each file, by its path below the folder.
     """
 
+    number: int
     fingerprint: str
     files: Mapping[str, str]
 
@@ -48,7 +51,7 @@ def record_path(out: Path, number: int) -> Path:
 
 
 def read_record(out: Path, number: int) -> MaskRecord | None:
-    """The record of a frame; None where there is none, or a damaged one.
+    """The record of a frame; None where there is none, a damaged one, or that of another frame.
 
     Raises
     ------
@@ -60,8 +63,9 @@ def read_record(out: Path, number: int) -> MaskRecord | None:
         return None
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        record = MaskRecord(content["fingerprint"], content["files"])
-        if all(_is_below(name) for name in record.files):
+        record = MaskRecord(content["number"], content["fingerprint"], content["files"])
+        names = dict(record.files)  # a ValueError or TypeError if it is no mapping
+        if record.number == number and all(_is_below(name) for name in names):
             return record
     except OSError as error:
         raise OutputError(f"cannot read {path}: {error.strerror or error}.") from None
@@ -115,19 +119,16 @@ def write_frame(out: Path, number: int, fingerprint: str, contents: Mapping[str,
         A file cannot be written, stands behind a link, or was not made by intervis.
     """
     earlier = read_record(out, number)
-    record = MaskRecord(fingerprint, {name: _digest(data) for name, data in contents.items()})
-    owned = set() if earlier is None else set(earlier.files)
-    for name in record.files:
+    owned = {} if earlier is None else earlier.files
+    digests = {name: _digest(content) for name, content in contents.items()}
+    for name in {**owned, **digests}:
         refuse_links_below(out, out / name)
         if name not in owned:
-            _check_not_foreign(out / name, record.files[name])
-    for name in sorted(owned - set(record.files)):
-        if (
-            is_own_file(out / name)
-            and earlier is not None
-            and _holds(out / name, earlier.files[name])
-        ):
+            _check_not_foreign(out / name, digests[name])
+    for name in owned:
+        if name not in digests and _holds(out / name, owned[name]):
             (out / name).unlink()
+    record = MaskRecord(number, fingerprint, digests)
     text = json.dumps(asdict(record), indent=1) + "\n"
     _write(out, record_path(out, number), text.encode())
     for name, content in contents.items():
