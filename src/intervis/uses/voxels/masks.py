@@ -228,10 +228,9 @@ def _exact(
     progress: Progress,
 ) -> Masks:
     now = [scan for scan in scans if scan.is_now]
-    of_scanner = {scan.scanner: _carved(grid, [scan]) for scan in now}
-    of_now = next(iter(of_scanner.values())) if len(now) == 1 else _carved(grid, now)
+    of_now = _carved(grid, now)
     whole = of_now if len(now) == len(scans) else _carved(grid, scans, progress)
-    observed, label = whole.free | whole.occupied, _voted(grid, scans)
+    observed, label = _observed(whole), _voted(grid, scans)
     return Masks(
         grid,
         "exact",
@@ -242,7 +241,10 @@ def _exact(
         invalid=~observed if label is None else ~observed | (whole.occupied & (label == 0)),
         state=whole.state,
         label=label,
-        lidar={name: carved.free | carved.occupied for name, carved in of_scanner.items()},
+        lidar={
+            scan.scanner: _observed(of_now if len(now) == 1 else _carved(grid, [scan]))
+            for scan in now
+        },
         camera=_seen_by_lines(grid, observed, now, cameras),
         probability=whole.probability,
     )
@@ -349,6 +351,10 @@ def _carved(grid: VoxelGrid, scans: Sequence[PosedScan], progress: Progress = si
         carver.add(scan.points, scan.grid_from_sensor, now=scan.is_now)
         progress("scan")
     return carver.result()
+
+
+def _observed(carved: CarvedGrid) -> BoolArray:
+    return carved.free | carved.occupied
 
 
 def _held(grid: VoxelGrid, scans: Sequence[PosedScan]) -> BoolArray:
