@@ -118,6 +118,7 @@ def test_the_states_that_are_told_sum_to_all_voxels(sequence, tmp_path, capsys) 
     [
         ([], "Scanner at (0.94, 0.00, 1.84) m in the vehicle's frame, that of nuScenes, assumed"),
         (["--lidar-at", "1,0,2"], "Scanner at (1.00, 0.00, 2.00) m in the vehicle's frame, as --"),
+        (["--layout", "occ3d-waymo"], "(1.43, 0.00, 2.18) m in the vehicle's frame, that of Waymo"),
         (["--layout", "surroundocc"], ""),
     ],
 )

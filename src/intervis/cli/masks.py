@@ -37,7 +37,7 @@ def masks(
         typer.Option(
             metavar="NAME",
             help="semantickitti, sscbench-nuscenes, sscbench-kitti360, sscbench-waymo,"
-            " occ3d-nuscenes, surroundocc, openoccupancy, or npz.",
+            " occ3d-nuscenes, occ3d-waymo, surroundocc, occnet, openoccupancy, or npz.",
         ),
     ] = "semantickitti",
     definition: Annotated[
@@ -71,8 +71,8 @@ def masks(
         str | None,
         typer.Option(
             metavar="X,Y,Z",
-            help="Scanner in the vehicle's frame, metres, for occ3d-nuscenes; default: as the drive"
-            " says, or else nuScenes'.",
+            help="Scanner in the vehicle's frame, metres, for the layouts of Occ3D; default: as the"
+            " drive says, or else nuScenes' or Waymo's.",
         ),
     ] = None,
     corner: Annotated[
@@ -275,7 +275,10 @@ def _mounting(
         pose, whose = drive.ego_from_velo, "as the drive says"
     else:
         pose = rigid(np.eye(3), layout.lidar_in_ego_m)
-        whose = "that of nuScenes, assumed because the drive says none: --lidar-at gives another"
+        whose = (
+            f"that of {layout.vehicle}, assumed because the drive says none: --lidar-at gives"
+            " another"
+        )
     place = ", ".join(f"{value:.2f}" for value in pose[:3, 3])
     return pose, f"Scanner at ({place}) m in the vehicle's frame, {whose}."
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from intervis.arguments import object_of
-from intervis.arrays import BoolArray, Float64Array, UInt8Array
+from intervis.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from intervis.camera import Camera
 from intervis.kernels import in_parts
 from intervis.sight import Scene
@@ -55,6 +55,20 @@ def in_image(posed: PosedCamera, points: Float64Array) -> BoolArray:
     return np.asarray(inside)
 
 
+def in_view(grid: VoxelGrid, posed: PosedCamera) -> BoolArray:
+    """Which voxels (I, J, K) have their centre in the image of a camera, hidden or not."""
+    inside = np.empty(grid.size, np.bool_)
+    for begin in range(0, grid.size, _VOXELS_PER_CALL):
+        stop = min(begin + _VOXELS_PER_CALL, grid.size)
+        inside[begin:stop] = in_image(posed, _centres_of(grid, np.arange(begin, stop)))
+    return inside.reshape(grid.shape)
+
+
+def _centres_of(grid: VoxelGrid, voxel: IntArray) -> Float64Array:
+    """Centres (N, 3) of voxels (N,), counted in C order."""
+    return grid.centre_of(np.stack(np.unravel_index(voxel, grid.shape), axis=-1))
+
+
 def seen_by_lines(
     grid: VoxelGrid, observed: BoolArray, posed: PosedCamera, scene: Scene
 ) -> BoolArray:
@@ -66,7 +80,7 @@ def seen_by_lines(
     seen, of_each = np.zeros(grid.size, np.bool_), observed.reshape(-1)
     for begin in range(0, grid.size, _VOXELS_PER_CALL):  # a line takes 100 times a voxel's memory
         voxel = begin + np.flatnonzero(of_each[begin : begin + _VOXELS_PER_CALL])
-        centre = grid.centre_of(np.stack(np.unravel_index(voxel, grid.shape), axis=-1))
+        centre = _centres_of(grid, voxel)
         inside = in_image(posed, centre)
         visible = scene.sight(posed.centre, centre[inside]).visible
         seen[voxel[inside][visible]] = True
