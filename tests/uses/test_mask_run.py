@@ -174,6 +174,16 @@ def test_what_killed_processes_left_is_removed_with_their_frame(sequence, tmp_pa
     assert contents(out) == {**before, ".mine.part": b"mine"}
 
 
+def test_a_process_that_was_killed_before_its_first_frame(sequence, tmp_path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    with locked(out):
+        (out / ".masks.json.0a.part").write_text("half")
+    assert made(written(sequence, out)) == [0, 1, 2, 3]
+    written(sequence, tmp_path / "whole")
+    assert contents(out) == contents(tmp_path / "whole")
+
+
 # What is not ours
 
 
