@@ -209,11 +209,18 @@ def test_what_is_missing_is_said(tmp_path):
         ("1 2 3 4\n2 nan 4 5\n", "not a finite number"),
         ("1 2 3 4\n2 1e300 4 5\n", "none of a trajectory"),
         ("1 2 3 4\n1e8 3 4 5\n", "none of a trajectory"),
+        ("0 2 3 4\n10000001 3 4 5\n", "none of a trajectory"),
     ],
 )
 def test_damaged_trajectories_are_told(tmp_path, text, reason):
     with pytest.raises(CalibrationError, match=reason):
         read_trajectory(write_text(tmp_path / "a.txt", text))
+
+
+def test_a_trajectory_as_long_and_as_far_as_it_may_be(tmp_path):
+    track = read_trajectory(write_text(tmp_path / "a.txt", "0 2 -1e9 4\n1e7 3 4 5\n")).track
+    assert track.times_ns.tolist() == [0, 10**16]
+    assert track.poses[0][:3, 3].tolist() == [2, -1e9, 4]
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def node(**numbers):
     return Node({key: SimpleNamespace(value=lambda n=n: n) for key, n in numbers.items()})
 
 
-LENGTHS = [(1.1e-3, True), (0.9e-3, False), (1.1, True), (999.0, True), (1001.0, False)]
+LENGTHS = [(1.1e-3, True), (1e-3, False), (1.1, True), (999.0, True), (1000.0, False)]
 
 
 @pytest.mark.parametrize(("length", "valid"), LENGTHS)
@@ -150,8 +150,9 @@ def test_lengths_of_a_quaternion(tmp_path, caplog, length, valid):
     assert "VIEWPOINT is not a position and a quaternion" in caplog.text
 
 
-@pytest.mark.parametrize(("far_m", "valid"), [(0.99e9, True), (1.01e9, False)])
+@pytest.mark.parametrize(("far_m", "valid"), [(0.99e9, True), (1e9, None), (1.01e9, False)])
 def test_places_of_a_billion_metres(tmp_path, far_m, valid):
+    """A billion itself is taken from the lines of poses alone."""
     e57_node = Node(pose=Node(translation=node(x=0.0, y=-far_m, z=0.0)))
     record = {"rotation": [1, 0, 0, 0], "translation": [0, -far_m, 0]}
     write_text(tmp_path / "poses.txt", pose_line(0.0, -far_m))
@@ -160,8 +161,8 @@ def test_places_of_a_billion_metres(tmp_path, far_m, valid):
         lambda: pose_of(Path("a"), record),
         lambda: read_poses(tmp_path / "poses.txt")[0],
     )
-    for read in readers:
-        if valid:
+    for read, takes_the_limit in zip(readers, (False, False, True), strict=True):
+        if takes_the_limit if valid is None else valid:
             assert read()[:3, 3].tolist() == [0, -far_m, 0]
         else:
             with pytest.raises(CalibrationError):
@@ -402,12 +403,12 @@ def test_the_first_image_that_can_be_read_tells_the_size(tmp_path):
 LABEL = "Car 0 0 0 1 2 3 4 1.5 1.6 3.9 {x} 2 9 0.5"
 
 
-@pytest.mark.parametrize(("x", "valid"), [("-999999", True), ("1000001", False)])
+@pytest.mark.parametrize(("x", "valid"), [("-1000000", True), ("1000001", False)])
 def test_places_of_boxes(tmp_path, x, valid):
     write_text(tmp_path / "a.txt", LABEL.format(x=x))
     if valid:
         (box,) = kitti_boxes(tmp_path / "a.txt", np.eye(4), None)
-        assert box.velo_from_box[:3, 3].tolist() == [-999999, 1.25, 9]
+        assert box.velo_from_box[:3, 3].tolist() == [-1000000, 1.25, 9]
         assert (box.size_m.tolist(), box.track, box.returns) == ([3.9, 1.6, 1.5], "", None)
     else:
         with pytest.raises(CalibrationError, match="line 1: expected a label"):
@@ -467,12 +468,12 @@ def test_huge_coordinates_of_3dtk_leave_no_warning(tmp_path):
     assert points[0, 0] == np.inf
 
 
-@pytest.mark.parametrize(("far", "valid"), [("9.9e10", True), ("-1.01e11", False)])
+@pytest.mark.parametrize(("far", "valid"), [("1e11", True), ("-1.01e11", False)])
 def test_places_of_stations_of_3dtk(tmp_path, far, valid):
     write_text(tmp_path / "scan000.pose", f"0 0 {far}\n0 0 0\n")
     scans = {5: tmp_path / "scan000.3d"}
     if valid:
-        assert station_poses(scans)[0][5][0, 3] == pytest.approx(9.9e8)
+        assert station_poses(scans)[0][5][0, 3] == pytest.approx(1e9)
     else:
         with pytest.raises(CalibrationError, match="does not hold a translation"):
             station_poses(scans)
@@ -514,7 +515,7 @@ def test_one_point_and_what_follows_a_station_of_ptx(tmp_path):
 
 
 @pytest.mark.parametrize("place", ["position", "translation"])
-@pytest.mark.parametrize(("far", "valid"), [("-9.9e8", True), ("-1.01e9", False)])
+@pytest.mark.parametrize(("far", "valid"), [("-1e9", True), ("-1.01e9", False)])
 def test_places_of_stations_of_ptx(tmp_path, place, far, valid):
     write_text(tmp_path / "a.ptx", ptx(2, **{place: f"0 {far} 0"}))
     if valid:
@@ -535,7 +536,7 @@ def test_places_of_stations_of_ptx(tmp_path, place, far, valid):
         ("-90 0 0 0 0 0", False),
         ("0 361 0 0 0 0", False),
         ("0 -361 0 0 0 0", False),
-        ("0 0 9.9e8 0 0 0", True),
+        ("0 0 1e9 0 0 0", True),
         ("0 0 -1.1e9 0 0 0", False),
         ("0 0 0 0 0", False),
         ("0 0 0 0 0 0 1e30", True),
@@ -586,7 +587,7 @@ def test_seconds_that_64_bits_of_nanoseconds_hold(tmp_path, time_s, valid):
             read_seconds(tmp_path / "times.txt")
 
 
-@pytest.mark.parametrize(("time_us", "valid"), [(8.9e15, True), (-9.1e15, False), (1.5, True)])
+@pytest.mark.parametrize(("time_us", "valid"), [(8.9e15, True), (-9e15, False), (1.5, True)])
 def test_microseconds_that_64_bits_of_nanoseconds_hold(time_us, valid):
     if valid:
         assert time_ns_of(Path("a"), {"timestamp": time_us}) == int(time_us * 1000)
