@@ -663,6 +663,37 @@ def test_one_scan_among_others_that_is_a_map_is_told(tmp_path, caplog):
     assert "67 % of the points in" in caplog.text
 
 
+def test_a_scan_of_which_half_the_points_are_hidden_is_none_of_a_map(tmp_path, caplog):
+    """Two returns in each direction: just the share from which on a warning tells it."""
+    head = "FIELDS x y z\nVIEWPOINT 3000 0 0 1 0 0 0\nPOINTS 720\nDATA ascii\n"
+    write_text(tmp_path / "a.pcd", head + ring_text(9, 20))
+    assert open_drive(tmp_path).poses[0][0, 3] == 3000
+    assert "% of the points in" not in caplog.text
+
+
+def test_a_scanner_that_is_turned_at_the_origin_hides_nothing(tmp_path, caplog):
+    """No scan shows the frame of the points: origin and stated position are one place."""
+    head = "FIELDS x y z\nVIEWPOINT 0 0 0 0 0 0 1\nPOINTS 1080\nDATA ascii\n"
+    write_text(tmp_path / "a.pcd", head + ring_text(9, 20, 40))
+    assert np.allclose(open_drive(tmp_path).poses[0], np.diag([-1.0, -1.0, 1.0, 1.0]))
+    assert "do not show whether" in caplog.text
+    assert "% of the points in" not in caplog.text
+
+
+def test_a_scan_whose_points_are_cut_off_is_no_witness(tmp_path, caplog):
+    """The farthest of the posed scans, which is asked first."""
+    caplog.set_level(logging.INFO)
+    head = "FIELDS x y z\nVIEWPOINT {} 0 0 1 0 0 0\nPOINTS 360\nDATA ascii\n"
+    write_text(tmp_path / "0.pcd", head.format(3002) + "1 2 3\n")
+    for number in (1, 2):
+        write_text(tmp_path / f"{number}.pcd", head.format(3000 + number) + ring_text(9))
+    drive = open_drive(tmp_path)
+    assert "are in the frame of the scanner" in caplog.text
+    assert np.allclose(np.linalg.norm(drive[1].points, axis=1), 9.0, atol=1e-3)
+    with pytest.raises(ScanError, match="is truncated"):
+        drive[0]
+
+
 def test_a_broken_file_among_posed_scans_fails_alone(tmp_path):
     head = "FIELDS x y z\nVIEWPOINT {} 0 0 1 0 0 0\nPOINTS 1\nDATA ascii\n1 2 3\n"
     write_text(tmp_path / "0.pcd", "no header")

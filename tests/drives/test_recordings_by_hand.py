@@ -97,6 +97,40 @@ def test_a_field_that_is_longer_than_its_header_or_has_no_value(tmp_path, field)
     assert file.damage == "a header of a record has a field that is none"
 
 
+def test_stated_sizes_of_a_bag(tmp_path):
+    """Headers of 65,536 bytes and connections of 16,777,216 bytes are taken, longer ones not."""
+    plain = {"op": b"\x07", "conn": number(3), "topic": b"/points"}
+    used = len(bag_record(plain, b"")) - 8 + 4 + len("more=")
+    for header_bytes, data_bytes, damage in (
+        (65_536, 0, ""),
+        (65_537, 0, "a record at 55 has a header of 65537 bytes"),
+        (used, 2**24 - 4, ""),
+        (used, 2**24 - 3, f"a connection at 55 has {2**24 + 1} bytes"),
+    ):
+        fields = {**plain, "more": bytes(header_bytes - used)}
+        file = bag_of(tmp_path, bag_record(fields, number(data_bytes) + bytes(data_bytes)))
+        # A field of zeros has no name: of connections it is read, and damaged, where not too long.
+        assert file.damage == (damage or "a header of a record has a field that is none")
+
+
+@pytest.mark.parametrize("kind", ["connection", "index"])
+def test_an_index_that_leads_to_no_message(tmp_path, kind):
+    """To the last record of a chunk, which is a connection, and to the index behind it."""
+    records = MESSAGES[0] + CONNECTION
+    chunk = bag_record(
+        {"op": b"\x05", "compression": b"none", "size": number(len(records))}, records
+    )
+    offset = len(MESSAGES[0]) if kind == "connection" else len(records)
+    fields = {"op": b"\x04", "ver": number(1), "conn": number(3), "count": number(2)}
+    places = struct.pack("<III", 7, 1, 0) + struct.pack("<III", 7, 2, offset)
+    file = bag_of(tmp_path, chunk + bag_record(fields, places))
+    entries = file.entries("/points")
+    assert (file.damage, entries["time_ns"].tolist()) == ("", [7_000_000_001, 7_000_000_002])
+    assert list(file.read_many(entries)) == [b"abc", None]
+    with pytest.raises(ScanError, match=r"has a damaged message: there is none at \d+\."):
+        file.read(entries[1])
+
+
 # --- MCAP ---
 
 
@@ -207,6 +241,17 @@ def test_bytes_of_a_chunk_at_most(tmp_path, monkeypatch, less, valid):
     else:
         with pytest.raises(ScanError, match="declares a chunk of 500 bytes at 6, more than 499"):
             chunk_records(path, chunk)
+
+
+def test_a_chunk_of_a_quarter_of_a_gibibyte_is_the_largest(tmp_path):
+    import bz2
+
+    packed, path = bz2.compress(b"x"), tmp_path / "a"
+    path.write_bytes(packed)
+    with pytest.raises(ScanError, match="of another size than it declares"):
+        chunk_records(path, Chunk(0, len(packed), "bz2", 2**28))
+    with pytest.raises(ScanError, match="more than 268435456"):
+        chunk_records(path, Chunk(0, len(packed), "bz2", 2**28 + 1))
 
 
 def test_a_chunk_of_several_streams_and_one_of_another_size(tmp_path):
