@@ -27,10 +27,10 @@ def no_sums(shape=SHAPE):
 
 def test_one_scan_adds_its_words_voxel_by_voxel(rng):
     """A table of 0, 1, 2 ... tells which entry was taken: 20 a metre from -4 m on."""
-    table = np.arange(2 * 30.0)  # volumetric returns, then surfaces
+    table = np.arange(2 * 90.0 + 1)  # volumetric returns, surfaces, and an unobserved direction
     place = rng.integers(0, 4, SHAPE).astype(np.uint8)
     place += (VOLUMETRIC * rng.integers(0, 2, SHAPE)).astype(np.uint8)
-    depth = rng.uniform(-4.2, -2.3, SHAPE).astype(np.float32)
+    depth = rng.uniform(-4.5, 1.5, SHAPE).astype(np.float32)
     depth[rng.random(SHAPE) < 0.2] = np.nan
     returns = (rng.random(SHAPE) < 0.15).astype(np.uint8)
     parameters = MODEL.parameters._replace(depth_from_m=-4.0, entries_per_m=20.0)
@@ -42,8 +42,8 @@ def test_one_scan_adds_its_words_voxel_by_voxel(rng):
             word = ACROSS if returns[at] else place[at] % 4
             metres = 0.0 if word == ACROSS else float(depth[at])
             observed = word != UNSEEN and not np.isnan(metres)
-            entry = min(max(int(np.floor((metres + 4.0) * 20)), 0), 29) if observed else 0
-            entry += 0 if place[at] >= VOLUMETRIC else 30
+            entry = min(max(int(np.floor((metres + 4.0) * 20)), 0), 89) if observed else 0
+            entry += 0 if place[at] >= VOLUMETRIC else 90
             assert sums.log_odds[at] == (2 * entry if observed else 0)
             assert sums.scans[at] == (2 if observed else 0)
             assert sums.behind[at] == (word == BEHIND)
@@ -86,7 +86,7 @@ def test_probabilities_follow_from_height_and_log_odds(cell_m):
         **{"known_height_entries": float(known_entries), "log_odds_from": -12.0},
         entries_per_log_odds=8.0,
     )
-    occupancies = np.arange(500.0)
+    occupancies = np.arange(150.0)
     tables = MODEL.tables._replace(height_log_odds=heights, occupancies=occupancies)
     model = MODEL._replace(parameters=parameters, tables=tables)
     above_m = [-9.0, -7.97, -0.02, 0.97, 3.0, np.nan]
@@ -111,5 +111,5 @@ def test_probabilities_follow_from_height_and_log_odds(cell_m):
             log_odds = heights[entry]
             if scans:
                 log_odds += weights[min(scans, 3)] * summed / scans
-            place = min(max(int(np.floor((log_odds + 12) * 8)), 0), 499)
+            place = min(max(int(np.floor((log_odds + 12) * 8)), 0), 149)
             assert probability[0, j, k] == place, (scans, summed, height_m)
