@@ -1,5 +1,6 @@
 """What the writers of layouts write: tables, messages and files, taken apart by other programs."""
 
+import io
 import json
 import struct
 import sys
@@ -21,6 +22,7 @@ from intervis.drives.drive_writer import (
     RigCamera,
     RigScanner,
     ScanRecord,
+    jpeg_of,
     quaternions,
     returns_inside,
 )
@@ -768,3 +770,22 @@ def test_returns_inside_a_turned_box_are_counted_one_by_one() -> None:
         own = box.world_from_box[:3, :3].T @ (point - box.world_from_box[:3, 3])
         count += all(abs(own) <= box.size_m / 2)
     assert returns_inside(box, points) == count > 20
+
+
+@pytest.mark.parametrize("writer", [PcdWriter, ArgoverseWriter])
+def test_writers_refuse_a_rig_that_their_layout_cannot_hold(writer, tmp_path: Path) -> None:
+    names = ("roof", "rear") if writer is PcdWriter else ("roof",)
+    with pytest.raises(SettingsError, match=f"not {len(names)}"):
+        writer(tmp_path, rig(*names))
+    assert not list(tmp_path.iterdir())
+
+
+def test_pictures_are_written_as_jpeg_of_quality_90() -> None:
+    """The first table of quantization at quality 90 starts with a fifth of 16, rounded."""
+    image = pytest.importorskip("PIL.Image", reason="Pillow (extra plots) is not installed")
+    pixels = np.full((36, 64, 3), (200, 90, 30), np.uint8)
+    content = jpeg_of(ImageRecord(pixels, 0, np.eye(4)))
+    read = image.open(io.BytesIO(content))
+    assert (read.format, read.size) == ("JPEG", (64, 36))
+    assert abs(np.asarray(read).astype(int) - pixels).max() < 4
+    assert read.quantization[0][0] == 3

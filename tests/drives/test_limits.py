@@ -11,7 +11,7 @@ from drive_layouts import pose_line, write_text
 from scipy.spatial.transform import Rotation
 
 from intervis import drives
-from intervis.drives import e57_stations, image_file, open_drive, ptx_stations
+from intervis.drives import e57_stations, image_file, open_drive, ptx_stations, viewpoint
 from intervis.drives.boxes import kitti_boxes
 from intervis.drives.e57_stations import pose_of_node
 from intervis.drives.float_columns import (
@@ -247,6 +247,51 @@ def test_types_of_pcd(tmp_path, kind, size):
     assert scan.points.tolist() == [[1, 2, 3], [5, 6, 7]]
     assert scan.attributes["v"].tolist() == [4, 100]
     assert scan.attributes["v"].dtype == dtype["v"]
+
+
+@pytest.mark.parametrize(
+    ("row", "columns"),
+    [
+        ("1 2 3 1152921504606846977 4.0 5", "1 2"),  # read as a row of its types, but for 4.0
+        ("1 2 3 1152921504606846977 4 5", "1 2"),
+        ("1 2 3 1152921504606846977 4 5 77 88", "1 2"),  # with surplus numbers
+    ],
+)
+def test_whole_numbers_of_pcd_keep_their_digits_beside_surplus_ones(tmp_path, row, columns):
+    """Where all are written as whole numbers; else as many as 64-bit floats have."""
+    lines = ["FIELDS x y z n m", "SIZE 4 4 4 8 2", "TYPE F F F U U", f"COUNT 1 1 1 {columns}"]
+    scan = read_bytes(tmp_path, "a.pcd", pcd([*lines, "POINTS 1"], row + "\n"))
+    assert scan.points.tolist() == [[1, 2, 3]]
+    assert scan.attributes["m"].tolist() == [[4, 5]]
+    exact = "." not in row
+    assert scan.attributes["n"].tolist() == [2**60 + (1 if exact else 0)]
+
+
+@pytest.mark.parametrize("row", ["1 2 3#4", "1 2 3.0e0#"])
+def test_points_of_pcd_have_no_comments(tmp_path, row):
+    with pytest.raises(ScanError, match="its points do not parse"):
+        read_bytes(tmp_path, "a.pcd", pcd(["FIELDS x y z", "POINTS 1"], row + "\n"))
+
+
+@pytest.mark.parametrize(("rows", "needed"), [(7, 14), (10**9, 2 * 10**9)])
+def test_a_truncated_list_of_ply_is_found_before_its_rows_are_walked(tmp_path, rows, needed):
+    """A row has two bytes at least: a number, and a count of zero."""
+    head = f"element face {rows}\nproperty uchar kind\nproperty list uchar double v\n"
+    head += "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+    content = f"ply\nformat binary_little_endian 1.0\n{head}end_header\n".encode() + bytes(13)
+    with pytest.raises(ScanError, match=f"more than {needed} bytes, but it has 13"):
+        read_bytes(tmp_path, "a.ply", content)
+
+
+@pytest.mark.parametrize(
+    ("count", "reason"),
+    [("999999999", "do not parse"), ("1000000000", "a list of '1000000000' items")],
+)
+def test_digits_of_the_count_of_a_list_of_ply(tmp_path, count, reason):
+    head = "element vertex 1\nproperty float x\nproperty float y\nproperty list uchar int v\n"
+    head = f"ply\nformat ascii 1.0\n{head}property float z\nend_header\n"
+    with pytest.raises(ScanError, match=reason):
+        read_bytes(tmp_path, "a.ply", f"{head}1 2 {count} 3\n".encode())
 
 
 PLY_TYPES = {
@@ -692,6 +737,19 @@ def test_a_scan_whose_points_are_cut_off_is_no_witness(tmp_path, caplog):
     assert np.allclose(np.linalg.norm(drive[1].points, axis=1), 9.0, atol=1e-3)
     with pytest.raises(ScanError, match="is truncated"):
         drive[0]
+
+
+def test_three_scans_are_asked_for_the_frame_of_points(tmp_path, monkeypatch):
+    """Those with the farthest poses first."""
+    head = "FIELDS x y z\nVIEWPOINT {} 0 0 1 0 0 0\nPOINTS 360\nDATA ascii\n"
+    for number in range(5):
+        write_text(tmp_path / f"{number}.pcd", head.format(3000 + number) + ring_text(9))
+    read, asked = viewpoint.read_table, []
+    monkeypatch.setattr(
+        viewpoint, "read_table", lambda path: (asked.append(path.name), read(path))[1]
+    )
+    open_drive(tmp_path)
+    assert asked == ["4.pcd", "3.pcd", "2.pcd"]
 
 
 def test_a_broken_file_among_posed_scans_fails_alone(tmp_path):
