@@ -789,3 +789,35 @@ def test_pictures_are_written_as_jpeg_of_quality_90() -> None:
     assert (read.format, read.size) == ("JPEG", (64, 36))
     assert abs(np.asarray(read).astype(int) - pixels).max() < 4
     assert read.quantization[0][0] == 3
+
+
+@pytest.mark.parametrize("writer", [ArgoverseWriter, NuScenesWriter, McapWriter])
+def test_a_frame_without_one_of_its_scans_is_refused(writer, tmp_path: Path) -> None:
+    if writer is ArgoverseWriter:
+        pytest.importorskip("pyarrow", reason="pyarrow (extra argoverse) is not installed")
+    open_writer = writer(tmp_path, rig("roof", "rear"))
+    with pytest.raises(ValueError, match="is shorter than"):
+        open_writer.add(frame(0, rig("roof")))
+    open_writer.release()
+
+
+@pytest.mark.parametrize("writer", [ArgoverseWriter, McapWriter])
+def test_a_track_with_more_times_than_poses_is_refused(writer, tmp_path: Path) -> None:
+    if writer is ArgoverseWriter:
+        pytest.importorskip("pyarrow", reason="pyarrow (extra argoverse) is not installed")
+    open_writer, whole = writer(tmp_path, rig("roof", "rear")), frame(0, rig("roof", "rear"))
+    track = PoseTrack(whole.track.times_ns, whole.track.poses[:-1])
+    scans = tuple(ScanRecord(one.points, one.intensity, one.ring) for one in whole.scans)
+    with pytest.raises(ValueError, match="is shorter than"):
+        open_writer.add(FrameRecord(whole.time_ns, track, scans))
+    open_writer.release()
+
+
+def test_tables_take_a_scan_of_each_scanner_and_a_count_for_each_box(tmp_path: Path) -> None:
+    whole = frame(0, rig("roof", "rear"))
+    for made, returns in ((whole, [1]), (frame(0, rig("roof")), [1, 2])):
+        tables = NuScenesTables(tmp_path, rig("roof", "rear"), "maps/blank.png")
+        tables.begin_scene("scene-0001", "made", START_NS)
+        with pytest.raises(ValueError, match="is shorter than"):
+            tables.add(made, returns)
+        tables.release()
