@@ -155,5 +155,5 @@ def test_boxes_that_make_no_sense_are_told(poses, sizes, error, message) -> None
 
 
 def test_boxes_need_a_size_each():
-    with pytest.raises(ValueError, match="is shorter than"):
+    with pytest.raises(ValueError, match="is longer than"):
         facing_surfaces(np.zeros(3), np.eye(4)[None], np.ones((2, 3)))

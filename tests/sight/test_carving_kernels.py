@@ -91,13 +91,14 @@ def patches(count, unit_m, rng):
     return (sign.repeat(length)[:count] * pixels_m / unit_m).astype(np.int16)
 
 
-def road(count, unit_m, descriptor):
-    """An image of a plane 1.7 m below the sensor, and nothing above it; volumetric in places."""
-    row = np.arange(count) % int(descriptor[ROWS])
+def road(count, unit_m, descriptor, rng):
+    """An image of uneven ground 1.5 to 1.9 m below the sensor; mostly volumetric (negative)."""
+    column, row = np.divmod(np.arange(count), int(descriptor[ROWS]))
     elevation = descriptor[ELEVATION_FROM] + row / descriptor[ROWS_PER_UNIT]
-    range_m = 1.7 / np.clip(np.abs(elevation), 1e-9, 1.0)  # the depth itself below 45 degrees
+    below_m = rng.uniform(1.5, 1.9, column.max() // 20 + 1)[column // 20]
+    range_m = below_m / np.clip(np.abs(elevation), 1e-9, 1.0)  # the depth itself below 45 degrees
     range_m[(elevation >= 0) | (range_m > 40.0)] = 0.0
-    range_m[(np.arange(count) // 40) % 5 == 0] *= -1.0
+    range_m[(column // 7) % 5 != 0] *= -1.0
     return (range_m / unit_m).astype(np.int16)
 
 
@@ -108,24 +109,26 @@ def elevation_of(x, y, z):
     return value if z >= 0 else -value
 
 
-def is_across_by_definition(corners):
+def is_across_by_definition(corners, cell_m):
     """Whether one surface passes between corners: depth, signed surface range, point, each."""
     ranges = [abs(surface) for _, surface, _ in corners]
     heights = [abs(surface) * elevation_of(*point) for _, surface, point in corners]
     behind = [depth for depth, _, _ in corners if depth >= 0]
     jump, rise = max(ranges) - min(ranges), max(heights) - min(heights)
-    if jump < 1.5 * CELL_M:
+    if jump < 1.5 * cell_m:
         return True
-    if all(surface > 0 for _, surface, _ in corners) and min(behind, default=np.inf) < CELL_M:
+    if all(surface > 0 for _, surface, _ in corners) and min(behind, default=np.inf) < cell_m:
         return True
-    return jump < 0.3 * min(ranges) and rise < 0.25 * CELL_M
+    return jump < 0.3 * min(ranges) and rise < 0.25 * cell_m
 
 
-ROAD_CORNER = transform(SCENE_FROM_SENSOR, np.array([[5.0, -4.0, -4.5]]))[0]
+ROAD_CORNER = transform(SCENE_FROM_SENSOR, np.array([[2.5, -2.0, -3.0]]))[0]
 
 
-@pytest.mark.parametrize("corner", [CORNER, CORNER + 0.3, ROAD_CORNER])
-def test_the_place_of_a_voxel_follows_from_its_corners_and_its_centre(rng, corner):
+@pytest.mark.parametrize(
+    ("corner", "cell_m"), [(CORNER, 0.6), (CORNER + 0.3, 0.6), (ROAD_CORNER, 0.25)]
+)
+def test_the_place_of_a_voxel_follows_from_its_corners_and_its_centre(rng, corner, cell_m):
     """Corner by corner, with the depth of single points; against the words of the kernel."""
     packed = Scene.from_scan(street_scan(beams=32, step_deg=0.6)).packed_scans()
     descriptor = descriptors_of(packed)[0].copy()
@@ -134,7 +137,7 @@ def test_the_place_of_a_voxel_follows_from_its_corners_and_its_centre(rng, corne
     descriptor[UNIT_M] = 0.002
     is_road = corner is ROAD_CORNER
     pixels = (
-        road(len(packed.pixels), 0.002, descriptor)
+        road(len(packed.pixels), 0.002, descriptor, rng)
         if is_road
         else patches(len(packed.pixels), 0.002, rng)
     )
@@ -142,14 +145,14 @@ def test_the_place_of_a_voxel_follows_from_its_corners_and_its_centre(rng, corne
     sensor_from_scene, lifts = inverse(SCENE_FROM_SENSOR), lift(rng)
     lifts[:5] *= 0.1
     start = transform(sensor_from_scene, corner[None])[0]
-    frame = np.vstack([start, CELL_M * sensor_from_scene[:3, :3].T])
+    frame = np.vstack([start, cell_m * sensor_from_scene[:3, :3].T])
     begin, planes = 1, 7
     place = np.empty((planes, *SHAPE[1:]), np.uint8)
     centre_depth = np.empty((planes, *SHAPE[1:]), np.float32)
-    carve_planes(pixels, descriptor, frame, lifts, CELL_M, begin, place, centre_depth)
+    carve_planes(pixels, descriptor, frame, lifts, cell_m, begin, place, centre_depth)
 
     def point(i, j, k):
-        return transform(sensor_from_scene, (corner + CELL_M * np.array([i, j, k]))[None])[0]
+        return transform(sensor_from_scene, (corner + cell_m * np.array([i, j, k]))[None])[0]
 
     def looked_up(i, j, k):
         """Depth, and the range of the surface, negative for volumetric returns."""
@@ -181,7 +184,7 @@ def test_the_place_of_a_voxel_follows_from_its_corners_and_its_centre(rng, corne
             if not np.isnan(depth):
                 ahead = free == seen or (free > 0 and depth < 0)
             word = 1 if ahead else 3
-            if 0 < free < seen and is_across_by_definition(known):
+            if 0 < free < seen and is_across_by_definition(known, cell_m):
                 word = 2
         words[word] += 1
         differing += place[n, j, k] % 4 != word
