@@ -504,3 +504,10 @@ def test_without_laspy_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "laspy", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'intervis\[las\]'"):
         open_drive(path)[0]
+
+
+def test_lines_of_a_trajectory_that_are_passed_over(tmp_path):
+    """Blank lines and comments anywhere, names of columns before the first numbers."""
+    text = "# made by hand\n\nt;x;y;z\n  \n1;2;3;4\n\n# turned back\n2;3;4;5\n\n"
+    track = read_trajectory(write_text(tmp_path / "a.txt", text)).track
+    assert [pose[:3, 3].tolist() for pose in track.poses] == [[2, 3, 4], [3, 4, 5]]
