@@ -251,7 +251,7 @@ def analyze(
     )
     region = intervisible_region(mesh.triangles, mesh.sides, result.node, result.edge)
     tree = reachable_tree(
-        mesh.edges, length, surface.flow_distance, surface.flow_parent, result.node, result.edge
+        mesh.edges, y, surface.flow_distance, surface.flow_parent, result.node, result.edge
     )
     weight = length if settings.weights == "length" else np.ones(len(length))
     cut = graph.cut(mesh.edges, weight, result.node)

@@ -9,12 +9,11 @@ half edge k and half edge k + E are the two directions of edge k.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, Int32Array, IntArray
 from intervis.kernels import kernel, thread_count
+from intervis.method.shortest_paths import edge_rows, shortest_paths
 from intervis.settings import Settings
 
 ANGULAR_NEIGHBOURS = 6
@@ -261,7 +260,7 @@ def intervisible_region(
 
 def reachable_tree(
     edges: IntArray,
-    length: Float64Array,
+    position: Float64Array,
     flow_distance: Float64Array,
     flow_parent: IntArray,
     node: BoolArray,
@@ -272,26 +271,22 @@ def reachable_tree(
     Its roots are the intervisibility points that P0 reaches directly or, where there are none, the
     one with the least flow distance.
 
+    Parameters
+    ----------
+    edges : (E, 2) int64 array
+    position : (V, 3) float64 array
+        `Surface.metric_position`.
+    flow_distance, flow_parent : (V,) float64 and int64 arrays
+    node, edge : (V,) and (E,) bool arrays
+
     Returns
     -------
     (V,) int64 array
         The node before each node; -1 for a root, -2 for a node that the tree does not reach.
     """
-    count = len(node)
-    parent = np.full(count, NOT_REACHED)
     roots = np.flatnonzero(node & (flow_parent < 0))
     if not len(roots) and node.any():
         roots = np.flatnonzero(node)[[np.argmin(flow_distance[node])]]
-    if not len(roots):
-        return parent
-    chosen = edges[edge]
-    # P0 is one more node, number `count`. scipy reads a stored length of 0 as "no edge".
-    tiny = np.finfo(np.float64).tiny
-    row = np.concatenate([chosen[:, 0], np.full(len(roots), count)])
-    column = np.concatenate([chosen[:, 1], roots])
-    weight = np.maximum(np.concatenate([length[edge], flow_distance[roots]]), tiny)
-    graph = csr_array((weight, (row, column)), shape=(count + 1, count + 1))
-    before = dijkstra(graph, directed=False, indices=count, return_predecessors=True)[1][:count]
-    reached = before >= 0
-    parent[reached] = np.where(before[reached] == count, ROOT, before[reached])
-    return parent
+    starts, columns = edge_rows(edges, edge, len(node))
+    distance, before = shortest_paths(position, starts, columns, roots, False)
+    return np.where(np.isfinite(distance), before, NOT_REACHED)
