@@ -24,7 +24,7 @@ from intervis.camera import Camera, default_viewpoint
 from intervis.errors import CameraError, PointsError
 from intervis.method import graph
 from intervis.method.criteria import apply_criteria, intervisible_region, reachable_tree
-from intervis.method.field_of_view import AZIMUTH_FOV_DEG, FieldOfView, in_azimuth, in_camera
+from intervis.method.field_of_view import AZIMUTH_FOV_DEG, FieldOfView, in_azimuth, in_camera, taken
 from intervis.method.granularity import choose_tau
 from intervis.method.measures import Measures, Record, measure
 from intervis.method.mesh import build_mesh, star_centroids
@@ -219,7 +219,7 @@ def analyze(
     # Sec. 2.1: the field of view (Eq. 1, 2), and its sampling by a kernel of granularity tau
     view = field_of_view(raw, camera, extrinsics, settings.view)
     origin = meta_viewpoint(viewpoint, camera, extrinsics)
-    in_view = raw[view.index].astype(np.float64)
+    in_view = taken(raw, view.index)
     clock.lap("fov")
     if tau_for is not None:
         settings = settings.with_changes(tau=tau_for(len(in_view)))
