@@ -27,7 +27,7 @@ from intervis.method.criteria import apply_criteria, intervisible_region, reacha
 from intervis.method.field_of_view import AZIMUTH_FOV_DEG, FieldOfView, in_azimuth, in_camera, taken
 from intervis.method.granularity import choose_tau
 from intervis.method.measures import Measures, Record, measure
-from intervis.method.mesh import build_mesh, star_centroids
+from intervis.method.mesh import build_mesh, edge_lengths, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
 from intervis.method.surface import build_surface
 from intervis.result_table import result_table, share
@@ -234,7 +234,7 @@ def analyze(
     # Sec. 2.3: finite elements, and the centroid of each node's subgraph (Eq. 14)
     mesh = build_mesh(surface.chart)
     y = surface.metric_position
-    length = np.linalg.norm(y[mesh.edges[:, 0]] - y[mesh.edges[:, 1]], axis=1)
+    length = edge_lengths(mesh.edges, y)
     to_centroid = np.linalg.norm(y - star_centroids(mesh, y), axis=1)
     clock.lap("S2")
 

@@ -123,15 +123,26 @@ def apply_criteria(
         agrees = mix_planes_criterion(points, viewpoint, source, target, settings.criterion)
     half_edge = passes & ~handed_over[source] & (l1 > l_gc[source]) & agrees
 
-    backward = np.concatenate([passes[len(edges) :], passes[: len(edges)]])
-    node = np.zeros(nodes, bool)
-    node[source[half_edge]] = True
-    node[target[half_edge & backward]] = True
-    both_ways = passes[: len(edges)] & backward[: len(edges)]
-    edge = node[edges[:, 0]] & node[edges[:, 1]] & both_ways
+    node, edge = np.zeros(nodes, bool), np.empty(len(edges), bool)
+    _mark(edges, passes, half_edge, node, edge)
     return CriterionResult(
         gate=passes, handed_over=handed_over, half_edge=half_edge, node=node, edge=edge
     )
+
+
+@kernel
+def _mark(
+    edges: IntArray, passes: BoolArray, half_edge: BoolArray, node: BoolArray, edge: BoolArray
+) -> None:
+    """Mark intervisibility points and write which edges are intervisible."""
+    count = len(edges)
+    for k in range(count):
+        i, j = edges[k]
+        there, back = half_edge[k], half_edge[k + count]
+        node[i] |= there | (back & passes[k])
+        node[j] |= back | (there & passes[k + count])
+    for k in range(count):
+        edge[k] = node[edges[k, 0]] & node[edges[k, 1]] & passes[k] & passes[k + count]
 
 
 def mix_planes_criterion(
@@ -175,7 +186,8 @@ def _decide(
             to_viewpoint = viewpoint[axis] - points[i, axis]
             product += to_viewpoint * (points[j, axis] - points[i, axis])
         rise = height[j] - height[i]
-        holds[k] = (product < 0.0 and rise > 0.0) or (product > 0.0 and rise < 0.0)
+        # Without "and" and "or": half of their branches would be guessed wrong.
+        holds[k] = ((product < 0.0) & (rise > 0.0)) | ((product > 0.0) & (rise < 0.0))
 
 
 def unoccluded(points: Float64Array, returns: Float64Array, viewpoint: Float64Array) -> BoolArray:
@@ -254,8 +266,22 @@ def intervisible_region(
         Row of the edges of each triangle in `edge`.
     node, edge : (V,) and (E,) bool arrays
     """
-    region: BoolArray = node[triangles].all(axis=1) & (edge[sides].sum(axis=1) >= 2)
+    region = np.empty(len(triangles), bool)
+    _select_region(triangles, sides, node, edge, region)
     return region
+
+
+@kernel
+def _select_region(
+    triangles: IntArray, sides: Int32Array, node: BoolArray, edge: BoolArray, region: BoolArray
+) -> None:
+    """Write which triangles belong to the region."""
+    for k in range(len(triangles)):
+        points, edges = 0, 0
+        for corner in range(3):
+            points += node[triangles[k, corner]]
+            edges += edge[sides[k, corner]]
+        region[k] = points == 3 and edges >= 2
 
 
 def reachable_tree(

@@ -191,6 +191,8 @@ def _compare(
 ) -> None:
     """Enter the points [begin, end), which lie in a box, as neighbours of [start, stop)."""
     last = square.shape[1] - 1
+    # Of slices the compiler knows that no index is negative.
+    other_x, other_y, other_z = columns[0, begin:end], columns[1, begin:end], columns[2, begin:end]
     for i in range(start, stop):
         x, y, z = columns[0, i], columns[1, i], columns[2, i]
         outside_x = max(box[0] - x, x - box[3], 0.0)
@@ -199,9 +201,9 @@ def _compare(
         near, rows_of_it = square[i - start], row[i - start]
         if outside_x**2 + outside_y**2 + outside_z**2 > near[last]:
             continue
-        for j in range(begin, end):
-            dx, dy, dz = columns[0, j] - x, columns[1, j] - y, columns[2, j] - z
-            scratch[j - begin] = dx * dx + dy * dy + dz * dz
+        for k in range(len(other_x)):
+            dx, dy, dz = other_x[k] - x, other_y[k] - y, other_z[k] - z
+            scratch[k] = dx * dx + dy * dy + dz * dz
         for j in range(begin, end):
             distance = scratch[j - begin]
             if distance > near[last] or j == i:

@@ -268,13 +268,14 @@ def _nearest_to_mean(
             dy = points[i, 1] - my
             dz = points[i, 2] - mz
             square = dx * dx + dy * dy + dz * dz
+            if square > best * (1.0 + NEAR_TIE):
+                continue
             sx = points[i, 0] - viewpoint[0]
             sy = points[i, 1] - viewpoint[1]
             sz = points[i, 2] - viewpoint[2]
             sight = sx * sx + sy * sy + sz * sz
             nearer = square < best * (1.0 - NEAR_TIE)
-            tie = not nearer and square <= best * (1.0 + NEAR_TIE)
-            if nearer or (tie and (sight < best_sight or (sight == best_sight and i < node))):
+            if nearer or sight < best_sight or (sight == best_sight and i < node):
                 best = square
                 best_sight = sight
                 node = i

@@ -196,20 +196,18 @@ def repulsion_force(
         return np.zeros_like(y)
     radius = float(np.median(distance)) if radius is None else radius
     rho = distance / radius if radius > 0 else np.ones_like(distance)
-    before = np.where((parent >= 0)[:, None], y[parent], 0.0)
-    step = y - before
-    length = np.linalg.norm(step, axis=1)
+    step, length = np.empty(y.shape), np.empty(len(y))
+    _last_steps(np.ascontiguousarray(y), parent, step, length)
     inside = (rho < 1.0) & (rho > 0.0) & (length > 0.0)
-    force = np.zeros_like(y)
     if not inside.any():
-        return force
+        return np.zeros_like(y)
     r = rho[inside]
     # rho + beta (rho^-3 - rho^-2) increases everywhere if it increases at the smallest rho.
     steepest = float((3 * r**-4 - 2 * r**-3).max())
     beta = min(scale, 0.5 / steepest)
-    size = beta * (1.0 / r - 1.0) / r**2 * radius
-    force[inside] = (size / length[inside])[:, None] * step[inside]
-    return force
+    share = np.zeros(len(y))  # the size of the force, in lengths of the step
+    share[inside] = beta * (1.0 / r - 1.0) / r**2 * radius / length[inside]
+    return np.asarray(share[:, None] * step)
 
 
 def chart_coordinates(
@@ -255,6 +253,20 @@ def _nearest_of_each(group: IntArray, square: Float64Array, groups: int) -> IntA
         if best < 0 or square[k] < square[best]:
             nearest[group[k]] = k
     return nearest
+
+
+@kernel
+def _last_steps(
+    y: Float64Array, parent: IntArray, step: Float64Array, length: Float64Array
+) -> None:
+    """Write the last step of the path to each point, from its parent or from P0, and its length."""
+    for i in range(len(y)):
+        x0 = y0 = z0 = 0.0
+        if parent[i] >= 0:
+            x0, y0, z0 = y[parent[i]]
+        dx, dy, dz = y[i, 0] - x0, y[i, 1] - y0, y[i, 2] - z0
+        step[i, 0], step[i, 1], step[i, 2] = dx, dy, dz
+        length[i] = np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
 @kernel
