@@ -142,8 +142,10 @@ def _search(
     for block in range(first_block, last_block):
         start, stop = block * BLOCK, min((block + 1) * BLOCK, rows)
         for axis in range(3):
-            own[axis] = columns[axis, start:stop].min()
-            own[3 + axis] = columns[axis, start:stop].max()
+            own[axis], own[3 + axis] = np.inf, -np.inf
+            for k in range(start, stop):
+                own[axis] = min(own[axis], columns[axis, k])
+                own[3 + axis] = max(own[3 + axis], columns[axis, k])
         square[:], row[:] = np.inf, rows
         _compare(columns, order, start, stop, start, stop, own, scratch, square, row)
         worst = _worst(square, stop - start)

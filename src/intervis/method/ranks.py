@@ -76,9 +76,9 @@ def split(
         near += np.uint64(number < cut)
         inside += np.uint64(number == cut)
         far += np.uint64(number > cut)
-    select(room.middle, room.middle_value, 0, int(inside), target - below)
-    _copy(room.middle, rows[int(near) : int(near + inside)])
-    _copy(room.far, rows[int(near + inside) :])
+    select(room.middle[:inside], room.middle_value[:inside], target - below)
+    _copy(room.middle, rows[near : near + inside])
+    _copy(room.far, rows[near + inside :])
 
 
 @kernel
@@ -99,10 +99,10 @@ def _copy(source: IntArray, to: IntArray) -> None:
 
 
 @kernel
-def select(order: IntArray, value: Float64Array, start: int, stop: int, target: int) -> None:
-    """Quickselect: sort the smallest values of [start, stop) before position `target`."""
-    low = start
-    high = stop - 1
+def select(rows: IntArray, value: Float64Array, target: int) -> None:
+    """Quickselect: sort the smallest values, and their rows, before position `target`."""
+    low = 0
+    high = len(rows) - 1
     while low < high:
         # The pivot is the median of three, so that sorted and reversed input cost linear time.
         middle = (low + high) // 2
@@ -117,7 +117,7 @@ def select(order: IntArray, value: Float64Array, start: int, stop: int, target: 
                 j -= 1
             if i <= j:
                 value[i], value[j] = value[j], value[i]
-                order[i], order[j] = order[j], order[i]
+                rows[i], rows[j] = rows[j], rows[i]
                 i += 1
                 j -= 1
         if target <= j:

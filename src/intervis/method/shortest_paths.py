@@ -48,31 +48,31 @@ def shortest_paths(
     distance, before = np.full(points, np.inf), np.full(points, -1, np.int64)
     # A point is entered again when a shorter path is found; the older entry is passed over then.
     key, point = np.empty(len(columns) + points), np.empty(len(columns) + points, np.int64)
-    size: Any = 0
+    size: Any = np.int64(0)
     for root in roots:
         distance[root] = _between(position, root, 0.0, 0.0, 0.0)
         size = _push(key, point, size, distance[root], root)
-    nearest_first, looked_at = np.empty(0, np.int64), 0
+    # What no path has led to when that heap is empty for the first time waits in another one.
+    island_key, island = np.empty(points), np.empty(points, np.int64)
+    islands: Any = np.int64(-1 if join_islands else 0)
     i: Any
     j: Any
     while True:
-        if size == 0:
-            if not join_islands:
+        if size > 0:
+            first_key, i = key[0], point[0]
+            size = _pop(key, point, size)
+            if first_key > distance[i]:
+                continue
+        else:
+            if islands < 0:
+                islands = _enter_islands(position, distance, island_key, island)
+            if islands == 0:
                 return distance, before
-            if len(nearest_first) == 0:
-                nearest_first = _nearest_first(position)
-            while looked_at < points and distance[nearest_first[looked_at]] < np.inf:
-                looked_at += 1
-            if looked_at == points:
-                return distance, before
-            i = nearest_first[looked_at]
-            looked_at += 1
-            distance[i] = _between(position, i, 0.0, 0.0, 0.0)
-            size = _push(key, point, size, distance[i], i)
-        first_key, i = key[0], point[0]
-        size = _pop(key, point, size)
-        if first_key > distance[i]:
-            continue
+            direct, i = island_key[0], island[0]
+            islands = _pop(island_key, island, islands)
+            if distance[i] < np.inf:
+                continue
+            distance[i] = direct
         x, y, z = position[i]
         for k in range(starts[i], starts[i + 1]):
             j = np.int64(columns[k])
@@ -81,6 +81,18 @@ def shortest_paths(
                 distance[j] = through_i
                 before[j] = i
                 size = _push(key, point, size, distance[j], j)
+
+
+@kernel
+def _enter_islands(
+    position: Float64Array, distance: Float64Array, key: Float64Array, point: IntArray
+) -> Any:
+    """Enter all points that no path has led to into a heap; its size."""
+    size: Any = np.int64(0)
+    for i in range(len(distance)):
+        if distance[i] == np.inf:
+            size = _push(key, point, size, _between(position, i, 0.0, 0.0, 0.0), i)
+    return size
 
 
 @kernel
@@ -124,15 +136,6 @@ def edge_rows(edges: IntArray, chosen: BoolArray, points: int) -> tuple[IntArray
             free[i] += 1
             free[j] += 1
     return starts, columns
-
-
-@kernel
-def _nearest_first(position: Float64Array) -> IntArray:
-    """Points by their distance from P0, those at one distance by number."""
-    direct = np.empty(len(position))
-    for i in range(len(position)):
-        direct[i] = _between(position, i, 0.0, 0.0, 0.0)
-    return np.argsort(direct, kind="mergesort")  # stable
 
 
 @kernel
