@@ -218,3 +218,23 @@ def test_the_first_axis_is_an_eigenvector_of_the_largest_eigenvalue(seed, kind):
     largest = np.linalg.eigvalsh(matrix)[-1]
     assert np.linalg.norm(axis) == pytest.approx(1.0)
     assert np.allclose(matrix @ axis, largest * axis, atol=1e-9 * largest)
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(1e-8, 0.9),
+    st.floats(0.0, 1.0),
+    st.sampled_from([1e-9, 1.0, 1e18]),
+)
+def test_the_first_axis_of_nearly_round_matrices(seed, gap, third, size):
+    """The second eigenvalue is less than the first by a share, the third is any smaller one."""
+    basis = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    eigenvalues = np.array([1.0, 1.0 - gap, third * (1.0 - gap)])
+    matrix = size * (basis * eigenvalues) @ basis.T
+    axis = _first_axis(*matrix[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
+    assert np.linalg.norm(np.cross(axis, basis[:, 0])) < 1e-14 / gap
+
+
+def test_no_matrix_is_too_small_for_an_axis():
+    for nothing in (0.0, 5e-324):
+        assert _first_axis(nothing, 0.0, 0.0, nothing, 0.0, 0.0) == (1.0, 0.0, 0.0)

@@ -308,7 +308,9 @@ def reachable_tree(
     Returns
     -------
     (V,) int64 array
-        The node before each node; -1 for a root, -2 for a node that the tree does not reach.
+        The node before each node; -1 for a root, -2 for a node that the tree does not reach. Of
+        several paths of one length, the node with the shortest path from P0 comes before, then
+        the one with the smallest number.
     """
     roots = np.flatnonzero(node & (flow_parent < 0))
     if not len(roots) and node.any():
