@@ -27,9 +27,9 @@ def room_for(rows: int) -> Room:
     return Room(
         np.empty(rows, np.int32),
         np.empty(BINS, np.int64),
-        np.empty(rows + 1, np.int64),  # one more: what is not wanted is written too
-        np.empty(rows + 1),
-        np.empty(rows + 1, np.int64),
+        np.empty(rows, np.int64),
+        np.empty(rows),
+        np.empty(rows, np.int64),
     )
 
 
@@ -67,7 +67,8 @@ def split(
         below += counts[cut]
         cut += 1
 
-    # Unsigned places need no test for negative ones.
+    # What does not belong somewhere is written there too, and written over. Unsigned places need no
+    # test for negative ones.
     near, inside, far = np.uint64(0), np.uint64(0), np.uint64(0)
     for k in range(len(rows)):
         number, row = bin_of[k], rows[k]
