@@ -13,6 +13,7 @@ import numpy as np
 from intervis.lab.truth.cells import Cell, cells, random_of, scan_of
 from intervis.lab.worlds.places import PLACES, Place
 from intervis.sight.gravity import up_of_scan
+from intervis.sight.projected_scan import project_scan
 
 HEADS = ("taken as upright", "within 3 degrees", "within 11 degrees", "wrong")
 
@@ -20,7 +21,7 @@ HEADS = ("taken as upright", "within 3 degrees", "within 11 degrees", "wrong")
 def outcome(cell: Cell, place: Place, seed: int) -> str:
     """What becomes of the up of one scan: one of `HEADS`."""
     scan = scan_of(cell, place, random_of(cell, seed))
-    found = up_of_scan(scan.points)
+    found = up_of_scan(project_scan(scan.points))
     if found is None:
         return HEADS[0]
     cosine = float(found @ scan.pose[2, :3])  # row z of the pose: the scene's z in scanner axes

@@ -9,8 +9,14 @@ from scipy.spatial.transform import Rotation
 import intervis
 from intervis import Scene
 from intervis.errors import SceneError
-from intervis.sight.gravity import level_rotation, up_of_scan
+from intervis.sight.gravity import level_rotation
+from intervis.sight.gravity import up_of_scan as up_of_projected
+from intervis.sight.projected_scan import project_scan
 from intervis.sight.reference import reference_result
+
+
+def up_of_scan(points):
+    return up_of_projected(project_scan(points))
 
 
 def courtyard(rng, count=12000):

@@ -13,8 +13,9 @@ The numbers were chosen on generated worlds of the seeds 2 and 3 (`intervis.lab.
 import numpy as np
 from scipy.spatial import cKDTree
 
-from intervis.arrays import BoolArray, Float64Array, FloatArray, IntArray
+from intervis.arrays import BoolArray, Float64Array, IntArray
 from intervis.sight.kernels.terrain import CELL_M, CELLS, MAX_RISE, lowest_returns
+from intervis.sight.projected_scan import ProjectedScan
 
 REACH_M = 30.0
 """Returns farther away are left out: the ground bends."""
@@ -40,13 +41,13 @@ are supported nearly as well as the best one, the one nearest to upright is the 
 REFINEMENTS = 5
 
 
-def up_of_scan(points_velo: FloatArray) -> Float64Array | None:
-    """The direction of up in the frame of a scan that is tilted.
+def up_of_scan(scan: ProjectedScan) -> Float64Array | None:
+    """The direction of up in the frame of a scan whose scanner is tilted.
 
     Parameters
     ----------
-    points_velo : (N, 3) float array
-        Finite points in the scanner's frame, metres.
+    scan : ProjectedScan
+        Its level coordinates are not read.
 
     Returns
     -------
@@ -59,16 +60,17 @@ def up_of_scan(points_velo: FloatArray) -> Float64Array | None:
 
     >>> x, y = np.meshgrid(np.arange(-9, 9, 0.2), np.arange(-9, 9, 0.2))
     >>> ground = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1)
-    >>> up_of_scan(ground) is None
+    >>> from intervis.sight.projected_scan import project_scan
+    >>> up_of_scan(project_scan(ground)) is None
     True
     >>> s = np.sqrt(0.5)
     >>> turned = ground @ np.array([[1, 0, 0], [0, s, s], [0, -s, s]])
-    >>> up_of_scan(turned).round(3)
+    >>> up_of_scan(project_scan(turned)).round(3)
     array([-0.   , -0.707,  0.707])
     """
-    if _shows_level_ground(points_velo):
+    if _shows_level_ground(scan.xyz):
         return None
-    voxels = _thinned(points_velo)
+    voxels = _thinned(scan)
     if len(voxels) < LEAST_SUPPORT:
         return None
     ground = _ground_plane(voxels)
@@ -107,10 +109,10 @@ def level_rotation(up: Float64Array | None) -> Float64Array:
     return np.array([x, np.cross(up, x), up])
 
 
-def _shows_level_ground(points: FloatArray) -> bool:
-    """Whether cells of the lowest returns lie level with their neighbours, below the scanner."""
+def _shows_level_ground(xyz: Float64Array) -> bool:
+    """Whether cells of the lowest of returns (3, N) lie level with others, below the scanner."""
     lowest = np.empty((CELLS, CELLS), np.float32)
-    lowest_returns(np.array(points[:, :3].T, np.float64, order="C"), np.arange(len(points)), lowest)
+    lowest_returns(xyz, np.arange(xyz.shape[1]), lowest)
     half, reach = CELLS // 2, int(REACH_M / CELL_M)
     near = lowest[half - reach : half + reach, half - reach : half + reach]
     pairs, level = 0, 0
@@ -123,12 +125,10 @@ def _shows_level_ground(points: FloatArray) -> bool:
     return pairs >= LEAST_PAIRS and level >= LEVEL_SHARE * pairs
 
 
-def _thinned(points: FloatArray) -> Float64Array:
+def _thinned(scan: ProjectedScan) -> Float64Array:
     """(M, 3) mean of each voxel over its fine cells, of the points within `REACH_M`."""
-    xyz = points[:, :3].astype(np.float64)
-    range_m = np.linalg.norm(xyz, axis=1)
-    xyz = xyz[(range_m > VOXEL_M) & (range_m < REACH_M)]
-    fine = FINE_M * (_distinct(np.floor(xyz / FINE_M).astype(np.int64)) + 0.5)
+    near = scan.xyz[:, (scan.range_m > VOXEL_M) & (scan.range_m < REACH_M)].T
+    fine = FINE_M * (_distinct(np.floor(near / FINE_M).astype(np.int64)) + 0.5)
     key, index = np.unique(_keys(np.floor(fine / VOXEL_M).astype(np.int64)), return_inverse=True)
     count = np.bincount(index, minlength=len(key))
     sums = [np.bincount(index, fine[:, axis], len(key)) for axis in range(3)]

@@ -37,6 +37,10 @@ class ProjectedScan:
     def __len__(self) -> int:
         return len(self.range_m)
 
+    def turn_level(self, level_from_sensor: Float64Array) -> None:
+        """Write the level coordinates by another rotation (3, 3) than that of `project_scan`."""
+        rotate_points(np.array(level_from_sensor, np.float64, order="C"), self.xyz, self.level)
+
 
 def project_scan(
     points_velo: FloatArray, level_from_sensor: Float64Array | None = None
@@ -63,5 +67,5 @@ def project_scan(
     scan = ProjectedScan(rows[:3], rows[3:6], *rows[6:])
     scan.xyz[:] = points_velo[:, :3].T
     project_points(scan.xyz, scan.azimuth, scan.elevation, scan.planar_m, scan.range_m)
-    rotate_points(np.array(rotation, np.float64, order="C"), scan.xyz, scan.level)
+    scan.turn_level(rotation)
     return scan

@@ -197,10 +197,12 @@ class Scene:
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         finite = finite_rows(xyz)
         kept = xyz if finite.all() else xyz[finite]
+        scan = project_scan(kept, scene_from_sensor[:3, :3])
         level_from_scene = self._buffer.level_with(
-            lambda: np.eye(3) if pose is not None else level_rotation(up_of_scan(kept))
+            lambda: np.eye(3) if pose is not None else level_rotation(up_of_scan(scan))
         )
-        scan = project_scan(kept, level_from_scene @ scene_from_sensor[:3, :3])
+        if tilt_of(level_from_scene[2]):
+            scan.turn_level(level_from_scene @ scene_from_sensor[:3, :3])
         sensor = sensor_of_projected(scan) if self.sensor is None else self.sensor
         time_s = (
             np.nan if timestamp_s is None else finite_number("timestamp_s", timestamp_s, "seconds")
