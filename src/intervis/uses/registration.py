@@ -1,6 +1,6 @@
 """Scenes of several scans of a drive, registered to one frame by the poses."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError
@@ -21,17 +21,29 @@ def registered_scene(
     DriveError
         A frame has no pose, or cannot be read.
     """
+    return scene_of_frames(now, (drive[number] for number in numbers), len(numbers), progress)
+
+
+def scene_of_frames(
+    now: Frame, others: Iterable[Frame], count: int, progress: Progress | None = None
+) -> Scene:
+    """As `registered_scene`, of at most `count` other frames that are read already.
+
+    Raises
+    ------
+    DriveError
+        A frame has no pose.
+    """
     report = reporter(progress)
-    scene = Scene(max_scans=max(64, len(numbers) + 1))
-    for number in numbers:
-        other = drive[number]
+    scene = Scene(max_scans=max(64, count + 1))
+    for other in others:
         if now.pose is None or other.pose is None:
             raise DriveError(
                 f"--frames registers scans by their poses, and frame"
-                f" {number if now.pose is not None else now.number} has none."
+                f" {other.number if now.pose is not None else now.number} has none."
             )
         scene.add(other.points, inverse(now.pose) @ other.pose, _seconds_between(now, other))
-        report(f"frame {number}")
+        report(f"frame {other.number}")
     scene.add(now.points, None, 0.0)
     report(f"frame {now.number}")
     return scene
