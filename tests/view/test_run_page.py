@@ -326,6 +326,15 @@ def test_failed_frames_and_an_older_version_are_told(street, tmp_path):
     assert "The run was made by intervis 0.0." in text
 
 
+def test_a_drive_of_one_scan_whose_number_is_a_time(tmp_path):
+    folder = scan_folder(tmp_path / "drive", (1532402927647951,))
+    out = run_of(folder, tmp_path / "out", sight=SightRequest())
+    content, _, text, _ = page_of(out, drive=read_run(out).drive())
+    assert [frame["number"] for frame in content["frames"]] == [1532402927647951]
+    assert "What a run stored" in text
+    assert "; 1 frame. " in text
+
+
 def test_a_page_changes_nothing_of_the_run(with_sight, street):
     before = files_below(with_sight), files_below(street)
     page_of(with_sight, drive=read_run(with_sight).drive())

@@ -19,7 +19,8 @@ from intervis.settings import Settings
 if TYPE_CHECKING:
     from intervis.drives import Drive, Frame
 
-FRAME_NAME = re.compile(r"\d{10}\.npz")
+FRAME_NAME = re.compile(r"\d{10,}\.npz")
+"""See `frame_path`; numbers that are times are longer."""
 
 IDENTIFYING = ("layout", "digest", "frames", "camera", "scan_bytes")
 """Entries of `Drive.fingerprint` that a drive keeps when its folder is moved or renamed."""
@@ -180,4 +181,4 @@ def _run_of(folder: Path, summary: Mapping[str, Any], numbers: tuple[int, ...]) 
 def _numbers(frames: Path) -> tuple[int, ...]:
     """Numbers of the frame files in a folder."""
     names = [path.name for path in frames.iterdir()]
-    return tuple(sorted(int(name[:10]) for name in names if FRAME_NAME.fullmatch(name)))
+    return tuple(sorted(int(name[:-4]) for name in names if FRAME_NAME.fullmatch(name)))
