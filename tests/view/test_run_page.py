@@ -164,6 +164,13 @@ def test_without_the_drive_the_nodes_are_shown_with_their_stored_states(with_sig
         assert header["unexplained"] == "The rest is missing: it is gone."
 
 
+def test_paths_with_control_characters_are_escaped(with_sight):
+    content, _, text, _ = page_of(with_sight, missing="no \x1b[31m<b>\u202e here")
+    assert "missing: no \\x1b[31m<b>\\u202e here." in text  # unescaped by `page_of`
+    assert "\\x1b[31m" in content["frames"][0]["unexplained"]
+    assert not {"\x1b", "\u202e"} & set(text)
+
+
 def test_without_drive_and_sight_lines_there_are_no_states(without_sight):
     content, columns, text, _ = page_of(without_sight, missing="it is gone")
     assert "without states, blockers, blind spots and images" in text
@@ -186,7 +193,7 @@ def test_a_scan_that_changed_after_the_run_is_not_shown(street, with_sight, tmp_
     assert "scan, pose or camera of frame 1 changed after the run" in str(content["frames"][1])
     assert columns[1]["row"] == load_analysis(frame_path(with_sight, 1)).nodes.tolist()
     scan.write_bytes(b"123")
-    with pytest.raises(DriveError, match="is not the drive of the run any more: its size of the"):
+    with pytest.raises(DriveError, match="is not the drive of the run any more: the size of the"):
         run.drive(moved)
 
 
@@ -196,7 +203,7 @@ def test_a_drive_is_found_where_it_was_or_where_the_user_says(street, with_sight
     moved = shutil.copytree(street, tmp_path / "another name")
     assert run.drive(moved).root == moved
     (moved / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3)
-    with pytest.raises(DriveError, match=r"another name is not the drive .* its digest differs$"):
+    with pytest.raises(DriveError, match=r"another name is not the drive .* the digest differs$"):
         run.drive(moved)
     with pytest.raises(DriveError, match=r"^there is nothing at .*nowhere$"):
         run.drive(tmp_path / "nowhere")

@@ -103,7 +103,7 @@ def view(
     same for the viewer of Rerun or for Foxglove. Of a folder that `intervis run` wrote, the results
     are shown.
     """
-    from intervis.errors import DriveError, SettingsError
+    from intervis.errors import SettingsError
 
     has_page = page is not None or serve
     recorded = {"--rerun": rerun, "--foxglove": foxglove}
@@ -118,8 +118,7 @@ def view(
     options.check_output_files({"--html": page, **recorded}, [source])
 
     from intervis.cli.view_run import RunView, view_run
-    from intervis.drives import open_drive
-    from intervis.run.stored_run import is_run, runs_below
+    from intervis.run.stored_run import is_run
     from intervis.run.stream import selected_frames
     from intervis.sight.occupancy_model import DEFAULT_RISK
     from intervis.view import ViewRequest, judge_frames, page_html, save_page
@@ -138,15 +137,7 @@ def view(
         return view_run(view, given_ends, refused, has_blind_spots=blind_spots)
     if run_drive is not None:
         raise SettingsError("--drive says where the drive of a run is: give the folder of a run.")
-    try:
-        drive = open_drive(source, camera=camera)
-    except DriveError:
-        if runs := runs_below(source):
-            raise DriveError(
-                f"{source} holds the runs of several drives: give the path of one of them:"
-                f" {', '.join(runs[:MOST_LISTED])}{', ...' if len(runs) > MOST_LISTED else ''}."
-            ) from None
-        raise
+    drive = _opened(source, camera)
     request = ViewRequest(
         viewpoint=place or ("sensor" if drive.camera_name is None else "camera"),
         is_fixed=fixed,
@@ -182,6 +173,23 @@ def view(
     if server is not None:
         _serve(server, content)
     return 0
+
+
+def _opened(source: Path, camera: str | None) -> "Drive":
+    """The drive at a path; a folder of several runs is no drive, and is told apart."""
+    from intervis.drives import open_drive
+    from intervis.errors import DriveError
+    from intervis.run.stored_run import runs_below
+
+    try:
+        return open_drive(source, camera=camera)
+    except DriveError:
+        if runs := runs_below(source):
+            raise DriveError(
+                f"{source} holds the runs of several drives: give the path of one of them:"
+                f" {', '.join(runs[:MOST_LISTED])}{', ...' if len(runs) > MOST_LISTED else ''}."
+            ) from None
+        raise
 
 
 def _note_size(drive: "Drive", chosen: int, shown: int, request: "ViewRequest") -> None:

@@ -22,8 +22,15 @@ if TYPE_CHECKING:
 FRAME_NAME = re.compile(r"\d{10,}\.npz")
 """See `frame_path`; numbers that are times are longer."""
 
-IDENTIFYING = ("layout", "digest", "frames", "camera", "scan_bytes")
-"""Entries of `Drive.fingerprint` that a drive keeps when its folder is moved or renamed."""
+IDENTIFYING = {
+    "layout": "layout",
+    "frames": "number of frames",
+    "camera": "camera",
+    "scan_bytes": "size of the scans",
+    "digest": "digest",
+}
+"""Entries of `Drive.fingerprint` that a drive keeps when its folder is moved or renamed, in words;
+the most telling first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +102,11 @@ class StoredRun:
         except IntervisError as error:
             reason = str(error).removesuffix(": check the path.").rstrip(".")
             raise DriveError(reason) from None
-        differing = [name for name in IDENTIFYING if now[name] != self.input.get(name)]
-        if differing:
-            name = differing[-1] if differing[-1] != "scan_bytes" else "size of the scans"
-            raise DriveError(f"{source} is not the drive of the run any more: its {name} differs")
+        for name, words in IDENTIFYING.items():
+            if now[name] != self.input.get(name):
+                raise DriveError(
+                    f"{source} is not the drive of the run any more: the {words} differs"
+                )
         return drive
 
     def is_made_of(self, drive: "Drive", frame: "Frame", stored: StoredFrame) -> bool:

@@ -13,6 +13,7 @@ from intervis.run.stored_run import StoredRun
 from intervis.sight import UNKNOWN, Scene, Sight
 from intervis.view.frame_judge import FrameJudge, cached_reader, judge_of
 from intervis.view.judged_frame import PER_M, JudgedFrame
+from intervis.view.page_file import shown
 from intervis.view.verdicts import thinned_rows
 from intervis.view.view_request import ViewRequest
 
@@ -137,8 +138,8 @@ def nodes_only(stored: StoredFrame, missing: str, most: int) -> JudgedFrame:
         Nodes at most; more are thinned evenly.
     """
     analysis = stored.analysis
-    shown = thinned_rows(analysis.node_points, most)
-    rows = analysis.nodes[shown]
+    thinned = thinned_rows(analysis.node_points, most)
+    rows = analysis.nodes[thinned]
     lacks = f"{NO_SIGHT}, and the rest" if stored.sight is None else "The rest"
     return JudgedFrame(
         frame=stored.frame,
@@ -147,7 +148,7 @@ def nodes_only(stored: StoredFrame, missing: str, most: int) -> JudgedFrame:
         remembered=[],
         viewpoint=viewpoint_of(stored),
         rows=rows,
-        centimetres=np.rint(analysis.node_points[shown] * PER_M).astype(np.int64),
+        centimetres=np.rint(analysis.node_points[thinned] * PER_M).astype(np.int64),
         sight=stored_sight(stored.sight, rows),
         lines=(),
         objects=[],
@@ -155,5 +156,5 @@ def nodes_only(stored: StoredFrame, missing: str, most: int) -> JudgedFrame:
         analysis=analysis,
         ground_m=np.nan,
         record=stored.record,
-        unexplained=f"{lacks} is missing: {missing}.",
+        unexplained=shown(f"{lacks} is missing: {missing}."),
     )

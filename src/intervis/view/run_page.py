@@ -9,7 +9,7 @@ from intervis.progress import Progress
 from intervis.run.stored_run import StoredRun
 from intervis.view.frame_data import FrameData
 from intervis.view.frame_stream import FrameSink, stream_frames
-from intervis.view.page_file import PageFrames, page_of_frames
+from intervis.view.page_file import PageFrames, page_of_frames, shown
 from intervis.view.run_judge import RunJudge
 from intervis.view.view_request import Place, ViewRequest
 
@@ -100,7 +100,7 @@ def run_page(
     OutputError
         The files of all frames are damaged.
     """
-    page = PageFrames()
+    page, missing = PageFrames(), shown(missing)
     judge = RunJudge(run, drive, missing, request)
     left_out = stream_frames(judge.judged, numbers, [page, *also], progress)
     lead = " ".join(_sentences(run, drive, missing, page.frames, request, left_out))
@@ -137,10 +137,10 @@ def _sentences(
             f" drive it has written {of:,}."
         )
     said.append(_source(run, drive, missing, frames))
-    stored = max(frame.header["stored"] for frame in frames)
+    most = max(frame.header["stored"] for frame in frames)
     returns = int(max(frame.header["run"]["measures"]["n_raw"] for frame in frames))
-    if drive is not None and stored < returns:
-        said.append(f"Up to {stored:,} returns a frame are shown, evenly chosen of {returns:,}.")
+    if drive is not None and most < returns:
+        said.append(f"Up to {most:,} returns a frame are shown, evenly chosen of {returns:,}.")
     if run.failures:
         said.append(f"Without a result in the run: {_listed(sorted(run.failures))}.")
     if left_out:
@@ -185,8 +185,7 @@ def place_text(run: StoredRun) -> str:
 
 def _listed(numbers: Sequence[int]) -> str:
     """Frame numbers as text, the first of many."""
-    shown = ", ".join(map(str, numbers[:MOST_LISTED]))
+    first = ", ".join(map(str, numbers[:MOST_LISTED]))
     more = len(numbers) - MOST_LISTED
-    return f"frame{'s' if len(numbers) > 1 else ''} {shown}" + (
-        f" and {more} more" if more > 0 else ""
-    )
+    rest = f" and {more} more" if more > 0 else ""
+    return f"frame{'s' if len(numbers) > 1 else ''} {first}{rest}"
