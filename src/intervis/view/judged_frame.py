@@ -96,8 +96,8 @@ class JudgedFrame:
 
     @cached_property
     def spots(self) -> list[BlindSpot]:
-        """The blind spots of the grid; none without a grid."""
-        return [] if self.grid is None else blind_spots(self.grid)
+        """The blind spots of the grid, without outlines; none without a grid."""
+        return [] if self.grid is None else blind_spots(self.grid, has_outlines=False)
 
     @cached_property
     def image(self) -> ReducedImage | None:
