@@ -161,7 +161,7 @@ def test_without_the_drive_the_nodes_are_shown_with_their_stored_states(with_sig
         states = [STATE_OF_KIND[kind & 7] for kind in column["kind"]]
         assert states == stored.state[nodes].tolist()
         assert column["percent"] == percent_codes(stored.probability[nodes]).tolist()
-        assert header["unexplained"] == "The rest is missing: it is gone."
+        assert header["unexplained"] == "The scan is missing: it is gone."
 
 
 def test_paths_with_control_characters_are_escaped(with_sight):

@@ -108,7 +108,7 @@ def test_without_its_drive_the_page_shows_the_nodes_and_says_why(window, out, tm
     assert window.run("return document.getElementById('camera').hidden")
     window.run("window.intervis.pick(3)")
     assert text_of(window, "#selection .text").endswith(
-        "as the run stored it. The rest is missing: it is gone."
+        "as the run stored it. The scan is missing: it is gone."
     )
     assert text_of(window, ".command code") is None
     assert text_of(window, ".bar") is None

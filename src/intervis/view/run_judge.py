@@ -140,7 +140,7 @@ def nodes_only(stored: StoredFrame, missing: str, most: int) -> JudgedFrame:
     analysis = stored.analysis
     thinned = thinned_rows(analysis.node_points, most)
     rows = analysis.nodes[thinned]
-    lacks = f"{NO_SIGHT}, and the rest" if stored.sight is None else "The rest"
+    lacks = f"{NO_SIGHT}, and the scan" if stored.sight is None else "The scan"
     return JudgedFrame(
         frame=stored.frame,
         scene=Scene(),
