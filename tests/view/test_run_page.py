@@ -115,6 +115,26 @@ def test_mesh_and_region_are_those_of_the_files(with_sight, shown):
         assert header["TPI"] == round(stored.measures.TPI, 2)
 
 
+def test_numbers_are_read_and_not_computed_again(with_sight, tmp_path):
+    out = shutil.copytree(with_sight, tmp_path / "out")
+    arrays = load_frame(frame_path(out, 1))
+    state, probability = np.roll(arrays["sight_state"], 7), np.roll(arrays["sight_probability"], 7)
+    changed = {
+        "sight_state": state,
+        "sight_probability": probability,
+        "measures": arrays["measures"] + 1.0,
+        "region": ~arrays["region"],
+    }
+    np.savez(frame_path(out, 1), **(arrays | changed))
+    content, columns, _, _ = page_of(out, drive=read_run(out).drive())
+    rows, header = np.array(columns[1]["row"]), content["frames"][1]
+    assert [STATE_OF_KIND[kind & 7] for kind in columns[1]["kind"]] == state[rows].tolist()
+    assert columns[1]["percent"] == percent_codes(probability[rows]).tolist()
+    assert list(header["run"]["measures"].values()) == changed["measures"].tolist()
+    assert len(columns[1]["region_a"]) == changed["region"].sum() > 0
+    assert header["unexplained"] == ""  # the scan is that of the run
+
+
 def test_what_the_run_did_not_store_is_judged_from_the_scan_itself(street, shown):
     content, columns, _, _ = shown
     drive, column = open_drive(street), columns[1]
