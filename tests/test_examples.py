@@ -11,6 +11,11 @@ SAID = {
     "visible_returns": ("visible", "Occluded: "),
     "agents": ("Row sees column", "roadside unit"),
     "blind_spots": ("m away:", "could hide: car"),
+    "blockers": (
+        "% of the occluded lines: car",
+        "without parked car, moving-car: <Sight:",
+        "of the occluded lines become visible",
+    ),
     "voxel_masks": ("occluded: ", "image_02 sees ", "<BevGrid: 300 x 300 cells of 0.2 m"),
     "route": ("2 of 2 zones come into sight", "Largest visible shares: kerb"),
     "siting": ("Places", "Zones, seen by all chosen places", "No other 2 candidates reach more."),

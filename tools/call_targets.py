@@ -25,7 +25,15 @@ class Call(NamedTuple):
 
 STORES = (
     *("Analysis", "Explanation", "Sight", "BevGrid", "BlindSpot", "CarvedGrid", "Masks"),
-    *("MutualSight", "ObjectSight", "RouteAnswer", "SightDistances", "Survey", "VisibilityGrid"),
+    *(
+        "LabelledScene",
+        "MutualSight",
+        "ObjectSight",
+        "RouteAnswer",
+        "SightDistances",
+        "Survey",
+        "VisibilityGrid",
+    ),
 )
 """Classes of answers: they store what they are given, and a caller makes none."""
 
@@ -143,6 +151,38 @@ def labelled_frame() -> intervis.Frame:
     """A frame with two boxes."""
     boxes = tuple(Box(pose(9.0, y, -1), np.array([4.0, 2, 1.5]), "Car") for y in (-3.0, 3.0))
     return intervis.Frame(0, scan().astype(np.float32), read_boxes=lambda: boxes)
+
+
+@cache
+def labelled_drive() -> intervis.Drive:
+    """Two scans with labels of their points."""
+    root = folder() / "labelled"
+    root.mkdir()
+    for number in range(2):
+        points = np.hstack([scan(number), np.ones((1920, 1))]).astype("<f4")
+        points.tofile(root / f"{number}.bin")
+        np.where(points[:, 0] > 15, 50, 40).astype("<u4").tofile(root / f"{number}.label")
+    lines = [" ".join(map(str, pose(4.0 * number)[:3].ravel())) for number in range(2)]
+    (root / "poses.txt").write_text("\n".join(lines) + "\n")
+    return intervis.open_drive(root)
+
+
+def _classed(points: Any, labels: Any, names: Any, classes: Any, places: Any, reach: Any) -> None:
+    returns = uses.ClassedReturns.of_labels(points, labels, names)
+    repr(returns)
+    returns.are(classes)
+    returns.names_at(places, reach)
+
+
+def _in_boxes(points: Any, boxes: Any) -> None:
+    uses.ClassedReturns.in_boxes(points, boxes)
+
+
+def _labelled_scene(
+    number: Any, frames: Any, without: Any, viewpoint: Any, targets: Any, risk: Any, within_m: Any
+) -> None:
+    labelled = uses.labelled_scene(labelled_drive(), number, frames=frames, without=without)
+    labelled.blocker_classes(labelled.sight(viewpoint, targets, risk=risk), within_m)
 
 
 def _frame(**values: Any) -> None:
@@ -346,11 +386,31 @@ def targets() -> dict[str, Call]:
                 **{"time_s": np.array([0.0, 1.0]), "risk": 0.05},
             },
         ),
+        "ClassedReturns": Call(
+            _classed,
+            {
+                **{"points": points, "labels": np.full(len(points), 70), "names": {70: "hedge"}},
+                **{"classes": ["hedge"], "places": TARGETS, "reach": 1.0},
+            },
+        ),
+        "ClassedReturns.in_boxes": Call(
+            _in_boxes, {"points": points, "boxes": labelled_frame().boxes}
+        ),
+        "classed_returns": Call(uses.classed_returns, {"frame": labelled_frame()}),
+        "labelled_scene": Call(
+            _labelled_scene,
+            {
+                **{"number": 0, "frames": [1], "without": ["building"], "within_m": 1.0},
+                **{"viewpoint": eye, "targets": TARGETS, "risk": 0.05},
+            },
+        ),
+        "blocker_shares": Call(uses.blocker_shares, {"classes": np.array(["car", "", "building"])}),
         "save_answers": Call(
             uses.save_answers,
             {
                 **{"path": folder() / "answers.csv", "viewpoint": eye},
                 **{"targets": TARGETS, "sight": of_sight},
+                "blocker_class": np.full(len(TARGETS), "car"),
             },
         ),
         "blind_spots": Call(uses.blind_spots, {"grid": seen_grid(), "least_area_m2": 1.0}),

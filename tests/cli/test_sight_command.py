@@ -1,6 +1,9 @@
 """`intervis sight`: a wall with known answers, and scans registered by their poses."""
 
+import csv
+import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +11,9 @@ import pytest
 
 from intervis.cli import exit_code
 from intervis.drives import open_drive
+from intervis.uses import labelled_scene
 from intervis.uses.registration import registered_scene
+from labelled_walls import write_walls
 from small_drive import scan_folder
 
 
@@ -113,3 +118,96 @@ def test_a_picture_is_never_put_in_place_of_a_pipe(wall, tmp_path, capsys, monke
     assert exit_code(command) == 2
     assert "give the path of a file" in capsys.readouterr().err
     assert pipe.is_fifo()
+
+
+@pytest.fixture
+def walls(tmp_path) -> Path:
+    """A drive of two labelled scans: a hedge before a wall."""
+    return write_walls(tmp_path / "walls")
+
+
+ASKED = ["--from", "sensor", "--to", "20,0,0", "--to", "20,9,0", "--to", "5,0,0"]
+
+
+def test_the_class_of_each_blocker_is_said(walls, capsys):
+    assert exit_code(["sight", str(walls), *ASKED]) == 0
+    _, hedge, wall, free = capsys.readouterr().out.splitlines()
+    assert hedge.startswith("Occluded:")
+    assert hedge.endswith("Class of the blocker: vegetation.")
+    assert wall.endswith("Class of the blocker: building.")
+    assert "Class" not in free
+
+
+def test_command_and_python_have_the_same_numbers(walls, tmp_path, capsys):
+    out = tmp_path / "answers.json"
+    words = ["--from", "1,0,0", "--targets", "returns", "--frames", ":", "--without", "vegetation"]
+    assert exit_code(["sight", str(walls), *words, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    labelled = labelled_scene(open_drive(walls), 0, frames=[1], without=["vegetation"])
+    sight = labelled.sight([1, 0, 0], labelled.targets)
+    classes = labelled.blocker_classes(sight)
+    assert f"2 scans without vegetation ({labelled.left_out:,} returns left out)" in said
+    assert f"{len(sight):,} lines: {sight.visible.sum():,} visible" in said
+    lines = json.loads(out.read_text())["lines"]
+    assert [line["blocker_class"] or "" for line in lines] == classes.tolist()
+    assert [line["probability"] for line in lines] == sight.probability.tolist()
+    assert all("vegetation" not in line for line in said.splitlines()[1:])
+
+
+def test_files_hold_the_class_of_the_blocker(walls, tmp_path):
+    for ending in ("csv", "json", "npz", "ply"):
+        out = tmp_path / f"answers.{ending}"
+        assert exit_code(["sight", str(walls), *ASKED, "--out", str(out)]) == 0
+    expected = ["vegetation", "building", ""]
+    rows = csv.DictReader((tmp_path / "answers.csv").read_text().splitlines())
+    assert [row["blocker_class"] for row in rows] == expected
+    content = json.loads((tmp_path / "answers.json").read_text())
+    assert [line["blocker_class"] for line in content["lines"]] == ["vegetation", "building", None]
+    with np.load(tmp_path / "answers.npz") as arrays:
+        assert arrays["blocker_class"].tolist() == expected
+
+
+def test_files_of_a_drive_without_labels_have_no_class(wall, tmp_path):
+    out = tmp_path / "answers.csv"
+    assert exit_code(["sight", str(wall), *ASKED, "--out", str(out)]) == 0
+    assert "blocker_class" not in out.read_text()
+
+
+def test_shares_of_the_classes_are_shown(walls, capsys):
+    words = ["sight", str(walls), "--from", "sensor", "--to", "20,0,0", "--to", "20,1,0"]
+    assert exit_code([*words, "--targets", "returns"]) == 0
+    assert re.search(r"^vegetation +2 +100\.0 %$", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_blockers_are_drawn_before_and_after(walls, tmp_path, capsys):
+    picture = tmp_path / "blockers.svg"
+    words = ["sight", str(walls), "--from", "1,0,0", "--to", "20,0,0", "--blockers", str(picture)]
+    assert exit_code([*words, "--frames", ":", "--without", "vegetation"]) == 0
+    assert f"Picture of the blockers: {picture}" in capsys.readouterr().out
+    assert picture.read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("classes", "said"),
+    [
+        (["car"], "there is no class 'car': choose from building, unlabelled, vegetation."),
+        (["parked building"], "nothing says which 'building' is parked"),
+        (["vegetation", "building"], "no return is left without vegetation, building"),
+    ],
+)
+def test_a_class_that_cannot_be_left_out_is_a_one_line_message(walls, classes, said, capsys):
+    words = [word for name in classes for word in ("--without", name)]
+    assert exit_code(["sight", str(walls), *ASKED, *words]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_drive_without_classes_leaves_none_out(wall, tmp_path, capsys):
+    for option in (["--without", "car"], ["--blockers", str(tmp_path / "b.png")]):
+        out = ["--out", str(tmp_path / "answers.csv")]
+        assert exit_code(["sight", str(wall), *ASKED, *option, *out]) == 2
+        assert not list(tmp_path.iterdir())
+        err = capsys.readouterr().err
+        assert "frame 0 has neither labels of its points nor boxes" in err
+        assert len(err.splitlines()) == 1

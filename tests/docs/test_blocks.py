@@ -69,7 +69,7 @@ def drives(tmp_path_factory) -> Path:
     pytest.importorskip("embreex", reason="embreex, which scans the street, is not installed")
     folder = tmp_path_factory.mktemp("pages")
     scanner = mounted("vlp-16")  # a fifth of the returns of the default scanner
-    simulate(folder / "DRIVE", frames=FRAMES, scanner=scanner, images=False)
+    simulate(folder / "DRIVE", frames=FRAMES, scanner=scanner, images=False, labels=True)
     simulate_drive(folder / "BOXES", "argoverse2", ["vlp-16", "vlp-16@under"], frames=1)
     for number, name in enumerate("ABC"):
         scan_folder(folder / name, (number, number + 1))

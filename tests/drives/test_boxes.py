@@ -105,6 +105,19 @@ def test_boxes_of_nuscenes_stand_at_key_frames(tmp_path):
     assert drive[2].boxes == ()  # another sample
 
 
+def test_attributes_of_nuscenes_have_their_names(tmp_path):
+    tables = write_scene(tmp_path)
+    tables.tables["attribute"] = [
+        {"token": "a", "name": "vehicle.moving"},
+        {"token": "b", "name": "vehicle.parked"},
+    ]
+    annotate(tables, attribute_tokens=["b", "not in the table"])
+    assert open_drive(tmp_path)[0].boxes[0].attributes == ("vehicle.parked",)
+    (tmp_path / "v1.0-mini" / "attribute.json").unlink()
+    nuscenes._annotations.cache_clear()
+    assert open_drive(tmp_path)[0].boxes[0].attributes == ()
+
+
 def test_lyft_states_no_number_of_returns(tmp_path):
     annotate(write_scene(tmp_path), num_lidar_pts=-1)
     assert open_drive(tmp_path)[0].boxes[0].returns is None

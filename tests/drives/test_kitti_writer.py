@@ -15,7 +15,9 @@ def test_the_paths_are_kittis(tmp_path):
     assert layout.drive == layout.date / "2011_09_26_drive_0001_sync"
     assert layout.scan(12) == layout.drive / "velodyne_points/data/0000000012.bin"
     assert layout.image(3) == layout.drive / "image_02/data/0000000003.png"
-    assert layout.expected(2) == {layout.scan(0), layout.scan(1), layout.image(0), layout.image(1)}
+    assert layout.labels(3) == layout.drive / "velodyne_points/labels/0000000003.label"
+    kinds = (layout.scan, layout.labels, layout.image)
+    assert layout.expected(2) == {path(number) for path in kinds for number in (0, 1)}
     assert layout.expected(0) == set()
 
 

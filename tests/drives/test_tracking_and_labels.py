@@ -9,6 +9,7 @@ from drive_layouts import (
     scan_rows,
     write_kitti_object,
     write_kitti_odometry,
+    write_kitti_raw,
     write_png,
     write_scan,
     write_text,
@@ -106,11 +107,14 @@ def write_labels(path, labels=LABELS):
     return path
 
 
-@pytest.mark.parametrize("place", ["odometry", "folder", "beside", "single", "object"])
+@pytest.mark.parametrize("place", ["odometry", "folder", "beside", "single", "object", "raw"])
 def test_labels_are_classes_and_instances(tmp_path, place):
     if place == "odometry":
         root = write_kitti_odometry(tmp_path)
         write_labels(root / "labels/000001.label")
+    elif place == "raw":
+        root = write_kitti_raw(tmp_path)
+        write_labels(root / "velodyne_points/labels/0000000001.label")
     elif place == "object":
         root = write_kitti_object(tmp_path, scans=(0, 1))
         write_labels(root / "labels/000001.label")

@@ -10,7 +10,7 @@ import pytest
 
 from intervis.cli import exit_code
 from intervis.drives.scan_file import read_scan
-from intervis.errors import OutputError
+from intervis.errors import OutputError, PointsError
 from intervis.sight import Sight
 from intervis.uses.answer_file import save_answers
 
@@ -52,6 +52,21 @@ def test_npz(tmp_path: Path) -> None:
         for name in ("state", "probability", "blocker", "clearance", "observed"):
             np.testing.assert_array_equal(arrays[name], getattr(SIGHT, name))
         np.testing.assert_array_equal(arrays["targets"], TARGETS)
+
+
+def test_classes_of_the_blockers(tmp_path: Path) -> None:
+    names = ["", "car, parked", "", ""]
+    for ending in ("csv", "json", "npz", "ply"):
+        save_answers(tmp_path / f"a.{ending}", START, TARGETS, SIGHT, names)
+    rows = list(csv.DictReader((tmp_path / "a.csv").read_text().splitlines()))
+    assert [row["blocker_class"] for row in rows] == names
+    lines = json.loads((tmp_path / "a.json").read_text())["lines"]
+    assert [line["blocker_class"] for line in lines] == [None, "car, parked", None, None]
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert arrays["blocker_class"].tolist() == names
+    for wrong in (names[:3], [1, 2, 3, 4]):
+        with pytest.raises(PointsError, match="4 answers need as many names of blocker_class"):
+            save_answers(tmp_path / "b.csv", START, TARGETS, SIGHT, wrong)
 
 
 def test_ply(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ CONTENTS: dict[str, dict[str, str]] = {
     "Uses": {
         "uses": "Overview",
         "objects": "Objects",
+        "semantics": "Classes of blockers",
         "blind_spots": "Blind spots",
         "masks": "Grids and masks",
         "routes": "Routes, sight distance",

@@ -1,5 +1,6 @@
 """``intervis sight``: sight lines from one place, with explanations."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,9 +12,13 @@ from intervis.cli.survey import Risk
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from intervis.arrays import Float64Array
     from intervis.drives import Drive, Frame
-    from intervis.sight import Explanation, Scene, Sight
+    from intervis.sight import Explanation, Sight
+    from intervis.uses.semantics.labelled_scene import LabelledScene
 
 Point = tuple[float, float, float]
 FrameNumber = Annotated[
@@ -40,7 +45,8 @@ def sight(
         str | None,
         typer.Option(
             metavar="FILE|returns",
-            help="Many ends: the points of a file in the sensor frame, or the returns of frame N.",
+            help="Many ends: the points of a file in the sensor frame, or the returns of frame N"
+            " that --without leaves.",
         ),
     ] = None,
     out: Annotated[
@@ -58,11 +64,27 @@ def sight(
             " :B or A.",
         ),
     ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CLASS",
+            help="Leave out the returns of a class of the drive's labels or boxes: vegetation, car,"
+            " 'parked car'; may be repeated.",
+        ),
+    ] = None,
     picture: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE.png|FILE.svg",
             help="Draw the sight line, and the returns that are visible from its start.",
+        ),
+    ] = None,
+    blockers: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.png|FILE.svg",
+            help="Draw which classes occlude the returns from the start; before and after"
+            " --without.",
         ),
     ] = None,
     risk: Risk = None,
@@ -71,9 +93,10 @@ def sight(
     """Explain sight lines from one place.
 
     Prints the state of each line, the probability that it is open, the blocker, and the clearance;
-    of the lines to many targets, how many have which state.
+    of the lines to many targets, how many have which state. Where the drive has labels of points or
+    boxes of objects, also the class of what occludes them.
     """
-    from intervis.errors import SettingsError
+    from intervis.errors import DriveError, SettingsError
 
     frame_range = options.frame_range(frames)
     given_start = options.place(start, "--from")
@@ -81,16 +104,17 @@ def sight(
     if not given_ends and targets is None:
         raise SettingsError("give the end of a sight line as --to X,Y,Z, or many with --targets.")
     options.check_picture_file(picture)
+    options.check_picture_file(blockers)
     read = [source, None if targets in (None, "returns") else Path(targets)]
-    options.check_output_files({"--picture": picture, "--out": out}, read)
+    options.check_output_files({"--picture": picture, "--blockers": blockers, "--out": out}, read)
 
     import numpy as np
 
     from intervis.drives import open_drive
-    from intervis.sight import explain
     from intervis.sight.occupancy_model import DEFAULT_RISK, RISK_RANGE
     from intervis.uses.answer_file import check_ending, save_answers
-    from intervis.uses.registration import query_moment_s, registered_scene
+    from intervis.uses.semantics.classed_returns import no_classes
+    from intervis.uses.semantics.labelled_scene import scene_of_frames
 
     check_ending(out)
 
@@ -98,34 +122,60 @@ def sight(
     if not RISK_RANGE[0] <= risk <= RISK_RANGE[1]:
         raise SettingsError(f"--risk must be from {RISK_RANGE[0]} to {RISK_RANGE[1]}, got {risk}.")
     drive = open_drive(source, camera=camera)
-    options.check_drive_kept(drive, [picture, out])
+    options.check_drive_kept(drive, [picture, blockers, out])
     now = drive[drive.frame_numbers[0] if frame is None else frame]
     from_point = point_in_frame(now, given_start, "--from")
     to_points = [point_in_frame(now, end, "--to") for end in given_ends]
-    many = np.concatenate([np.reshape(to_points, (-1, 3)), _targets(now, targets)])
     numbers = _other_frames(drive, now, frame_range)
     with progress("scans", len(numbers) + 2) as advance:
-        scene = registered_scene(drive, now, numbers, advance)
-        # at the time of frame N, if every scan has a timestamp
-        moment_s = query_moment_s(scene)
-        explained = [
-            explain(scene, from_point, end, risk=risk, moment_s=moment_s) for end in to_points
-        ]
-        answers = scene.sight(from_point, many, risk=risk, moment_s=moment_s)
+        labelled = scene_of_frames(drive, now, numbers, tuple(without or ()), advance)
+        if blockers is not None and labelled.returns is None:
+            raise DriveError(no_classes(now))
+        many = np.concatenate([np.reshape(to_points, (-1, 3)), _targets(labelled, targets)])
+        explained = [labelled.explain(from_point, end, risk=risk) for end in to_points]
+        answers = labelled.sight(from_point, many, risk=risk)
+        classes = None if labelled.returns is None else labelled.blocker_classes(answers)
         advance("sight lines")
-    scans = f"{len(scene)} scan{'s' if len(scene) != 1 else ''}"
+    count = len(labelled.scene)
+    scans = f"{count} scan{'s' if count != 1 else ''}{_left_out(labelled)}"
     show(f"{drive.name}, frame {now.number}, {scans}; coordinates in its sensor frame.")
-    for one in explained:
-        show(str(one))
+    for nth, one in enumerate(explained):
+        show(f"{one}{_class_of_blocker(one, classes, nth)}")
     if targets is not None:
         show(_counts(answers))
+        _show_shares(classes)
     if out is not None:
-        save_answers(out, np.array(from_point), many, answers)
+        save_answers(out, np.array(from_point), many, answers, classes)
         show(f"Answers: {out}")
     if picture is not None:
         line = (explained[0], np.array(to_points[0])) if explained else (None, None)
-        _draw(picture, now, scene, from_point, (risk, moment_s), *line)
+        _draw(picture, labelled, from_point, risk, *line)
         show(f"Picture: {picture}")
+    if blockers is not None:
+        _draw_blockers(blockers, drive, numbers, labelled, from_point, risk)
+        show(f"Picture of the blockers: {blockers}")
+
+
+def _left_out(labelled: "LabelledScene") -> str:
+    if not labelled.without:
+        return ""
+    return f" without {' and '.join(labelled.without)} ({labelled.left_out:,} returns left out)"
+
+
+def _class_of_blocker(
+    explained: "Explanation", classes: "NDArray[np.str_] | None", nth: int
+) -> str:
+    """A sentence with the class of the blocker; empty where there is none, or no class."""
+    if classes is None or math.isnan(explained.blocker_m):
+        return ""
+    return f" Class of the blocker: {classes[nth]}."
+
+
+def _show_shares(classes: "NDArray[np.str_] | None") -> None:
+    from intervis.uses.semantics.blockers import blocker_table
+
+    if classes is not None and (table := blocker_table(classes)).rows:
+        show("\n" + table.as_text())
 
 
 def _counts(answers: "Sight") -> str:
@@ -133,20 +183,18 @@ def _counts(answers: "Sight") -> str:
     return f"{len(answers):,} lines: {', '.join(counts)}."
 
 
-def _targets(frame: "Frame", text: str | None) -> "Float64Array":
-    """(M, 3) targets of ``--targets``: finite points of a file, or the returns of the frame."""
+def _targets(labelled: "LabelledScene", text: str | None) -> "Float64Array":
+    """(M, 3) targets of ``--targets``: finite points of a file, or the frame's returns left."""
     import numpy as np
 
     from intervis.arrays import finite_rows
+    from intervis.drives.scan_file import read_scan
 
     if text is None:
         return np.empty((0, 3))
     if text == "returns":
-        points = frame.points
-    else:
-        from intervis.drives.scan_file import read_scan
-
-        points = read_scan(Path(text)).points
+        return labelled.targets
+    points = read_scan(Path(text)).points
     return points[finite_rows(points), :3].astype(np.float64)
 
 
@@ -177,21 +225,52 @@ def _other_frames(
 
 def _draw(
     path: Path,
-    now: "Frame",
-    scene: "Scene",
+    labelled: "LabelledScene",
     start: Point,
-    asked: tuple[float, float | None],
+    risk: float,
     explained: "Explanation | None",
     end: "Float64Array | None",
 ) -> None:
+    from dataclasses import replace
+
     import numpy as np
 
-    from intervis.arrays import finite_rows
     from intervis.plots.sight_figure import sight_picture
     from intervis.plots.style import save_figure
 
-    points = now.points[finite_rows(now.points)]
-    risk, moment_s = asked
-    answers = scene.sight(start, points, risk=risk, moment_s=moment_s)
-    figure = sight_picture(now, answers, np.array(start), explained, end)
+    points = labelled.targets
+    answers = labelled.sight(start, points, risk=risk)
+    drawn = replace(labelled.frame, points=points.astype(np.float32), attributes={})
+    figure = sight_picture(drawn, answers, np.array(start), explained, end)
+    save_figure(figure, path, path.suffix[1:].lower())
+
+
+def _draw_blockers(
+    path: Path,
+    drive: "Drive",
+    numbers: list[int],
+    labelled: "LabelledScene",
+    start: Point,
+    risk: float,
+) -> None:
+    """Draw the classes of the blockers; where some are left out, beside those of the whole scene.
+
+    Both panels ask for the same returns: those that are left.
+    """
+    import numpy as np
+
+    from intervis.plots.style import save_figure
+    from intervis.uses.semantics.blocker_figure import Panel, blocker_picture
+    from intervis.uses.semantics.labelled_scene import scene_of_frames
+
+    def panel(one: "LabelledScene", title: str) -> Panel:
+        sight = one.sight(start, labelled.targets, risk=risk)
+        return Panel(title, sight, one.blocker_classes(sight))
+
+    panels = [panel(labelled, f"without {', '.join(labelled.without)}")]
+    if labelled.without:
+        panels.insert(0, panel(scene_of_frames(drive, labelled.frame, numbers), "as scanned"))
+    else:
+        panels = [panels[0]._replace(title="as scanned")]
+    figure = blocker_picture(labelled.targets, np.array(start), panels)
     save_figure(figure, path, path.suffix[1:].lower())

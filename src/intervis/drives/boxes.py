@@ -36,6 +36,8 @@ class Box:
     visibility : str
         What the data set says of it, in its own words: KITTI's ``occlusion 0`` (fully visible) to
         ``occlusion 3`` (unknown), nuScenes' ``v0-40`` to ``v80-100``; empty where it says nothing.
+    attributes : tuple of str
+        What the data set says of its state, in its own words: nuScenes' ``vehicle.parked``.
     """
 
     velo_from_box: Float64Array = field(repr=False)
@@ -44,6 +46,7 @@ class Box:
     track: str = ""
     returns: int | None = None
     visibility: str = ""
+    attributes: tuple[str, ...] = ()
 
 
 FROM_BOX = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])

@@ -2,7 +2,8 @@
 
 ``DATE/calib_*.txt``, ``DATE/DATE_drive_NNNN_sync/velodyne_points/data/*.bin``,
 ``.../image_0K/data/*.png``, ``.../oxts/data/*.txt``. An optional ``.../poses.txt`` (LiDAR poses in
-KITTI's odometry format) takes precedence over oxts.
+KITTI's odometry format) takes precedence over oxts. Labels of points may stand beside the scans or
+in ``velodyne_points/labels``, as SemanticKITTI writes them.
 """
 
 import logging
@@ -19,6 +20,7 @@ from intervis.drives.drive import Drive
 from intervis.drives.image_size import warn_of_other_size
 from intervis.drives.kitti_files import image_folders, kitti_camera
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
+from intervis.drives.point_labels import label_files
 from intervis.drives.trajectory import (
     known_timestamps,
     poses_from_oxts,
@@ -70,6 +72,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
         poses=poses,
         timestamps_ns=timestamps_ns,
         metadata_files=(*calibration_files, *pose_files, *timestamp_files),
+        label_paths=label_files(scans),
     )
 
 

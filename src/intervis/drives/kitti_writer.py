@@ -11,7 +11,7 @@ from intervis.arrays import Float32Array, Float64Array
 
 DATE, DRIVE = "2011_09_26", "2011_09_26_drive_0001_sync"
 START = datetime(2011, 9, 26, 13, 2, 25)
-FRAME_FILE = re.compile(r"[0-9]{10}\.(bin|png)|\.[0-9]{10}\.(bin|png)\.[0-9a-f]+\.part")
+FRAME_FILE = re.compile(r"[0-9]{10}\.(bin|png|label)|\.[0-9]{10}\.(bin|png|label)\.[0-9a-f]+\.part")
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,20 @@ class Layout:
         """Path of an image of camera 2."""
         return self.drive / "image_02" / "data" / f"{number:010d}.png"
 
+    def labels(self, number: int) -> Path:
+        """Path of the labels of a scan's points, as SemanticKITTI writes them."""
+        return self.drive / "velodyne_points" / "labels" / f"{number:010d}.label"
+
     def expected(self, frames: int) -> set[Path]:
-        """Paths of the scans and images of the first `frames` frames."""
+        """Paths of the scans, labels and images of the first `frames` frames."""
         numbers = range(frames)
-        return {*map(self.scan, numbers), *map(self.image, numbers)}
+        return {
+            path for kind in (self.scan, self.labels, self.image) for path in map(kind, numbers)
+        }
 
     def frame_files(self) -> list[Path]:
-        """The scans and images that exist, half written ones too, sorted by path."""
-        folders = [self.scan(0).parent, self.image(0).parent]
+        """The scans, labels and images that exist, half written ones too, sorted by path."""
+        folders = [kind(0).parent for kind in (self.scan, self.labels, self.image)]
         return sorted(
             path
             for folder in folders

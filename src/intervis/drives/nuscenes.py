@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -216,39 +217,68 @@ class _Boxes:
         samples = frozenset(sweep.sample for sweep in self.sweeps.values() if sweep.sample)
         velo_from_world = inverse(_world_from_velo(sweep))
         return tuple(
-            _box(self.folder, record, category, velo_from_world)
-            for record, category in _annotations(self.folder, samples)[sweep.sample]
+            _box(self.folder, annotation, velo_from_world)
+            for annotation in _annotations(self.folder, samples)[sweep.sample]
         )
 
 
+class _Annotation(NamedTuple):
+    """A record of the table, and what its tokens name."""
+
+    record: Record
+    category: str
+    attributes: tuple[str, ...]
+
+
 @lru_cache(maxsize=1)
-def _annotations(folder: Path, samples: frozenset[str]) -> Mapping[str, list[tuple[Record, str]]]:
-    """Annotations with their categories, by sample: searched once for all frames of a scene."""
+def _annotations(folder: Path, samples: frozenset[str]) -> Mapping[str, list[_Annotation]]:
+    """Annotations by sample: searched once for all frames of a scene."""
     records = read_table(folder, "sample_annotation", "sample_token", samples)
     table = folder / "sample_annotation.json"
     tokens = {text_of(table, record, "instance_token") for record in records.values()}
     instances = read_table(folder, "instance", "token", tokens)
     categories = read_table(folder, "category")
-    found: dict[str, list[tuple[Record, str]]] = {sample: [] for sample in samples}
+    attributes = _attributes(folder)
+    found: dict[str, list[_Annotation]] = {sample: [] for sample in samples}
     for record in records.values():
         instance = record_of(folder, instances, record, "instance")
         category = record_of(folder, categories, instance, "category")
-        name = text_of(folder / "category.json", category, "name")
-        found[text_of(table, record, "sample_token")].append((record, name))
+        annotation = _Annotation(
+            record,
+            text_of(folder / "category.json", category, "name"),
+            _named(attributes, record.get("attribute_tokens")),
+        )
+        found[text_of(table, record, "sample_token")].append(annotation)
     return found
 
 
-def _box(folder: Path, record: Record, category: str, velo_from_world: Float64Array) -> Box:
-    table = folder / "sample_annotation.json"
+def _attributes(folder: Path) -> dict[str, str]:
+    """Names of attributes by token; none where the data set has no table of them."""
+    table = folder / "attribute.json"
+    if not table.is_file():
+        return {}
+    records = read_table(folder, "attribute")
+    return {token: text_of(table, record, "name") for token, record in records.items()}
+
+
+def _named(attributes: Mapping[str, str], tokens: object) -> tuple[str, ...]:
+    """Names of the attributes of a record; tokens that the table lacks have none."""
+    listed = tokens if isinstance(tokens, list) else []
+    return tuple(attributes[token] for token in map(str, listed) if token in attributes)
+
+
+def _box(folder: Path, annotation: _Annotation, velo_from_world: Float64Array) -> Box:
+    record, table = annotation.record, folder / "sample_annotation.json"
     width_m, length_m, height_m = numbers_of(table, record, "size", 3)
     returns = record.get("num_lidar_pts")
     return Box(
         velo_from_world @ pose_of(table, record),
         np.array([length_m, width_m, height_m]),
-        category,
+        annotation.category,
         text_of(table, record, "instance_token"),
         returns if isinstance(returns, int) and returns >= 0 else None,  # Lyft has -1
         VISIBILITY.get(str(record.get("visibility_token")), ""),
+        annotation.attributes,
     )
 
 

@@ -1,4 +1,4 @@
-"""What follows from sight: objects, grids, masks, blind spots, routes, agents, sites, files."""
+"""What follows from sight: objects, classes, grids, blind spots, routes, agents, sites, files."""
 
 from intervis.uses.agents.mutual_sight import Agent, MutualSight, mutual_sight
 from intervis.uses.answer_file import save_answers
@@ -11,6 +11,9 @@ from intervis.uses.routes.sight_distance import SightDistances, sight_distances
 from intervis.uses.routes.sight_standard import AASHTO, AUSTROADS, DMRB, SightStandard
 from intervis.uses.routes.survey import Survey, route_on_road, survey_of
 from intervis.uses.routes.zone import Zone
+from intervis.uses.semantics.blockers import blocker_shares
+from intervis.uses.semantics.classed_returns import ClassedReturns, classed_returns
+from intervis.uses.semantics.labelled_scene import LabelledScene, labelled_scene
 from intervis.uses.sites.candidate import Candidate, candidates_along, candidates_within
 from intervis.uses.sites.coverage import Coverage, coverage
 from intervis.uses.sites.demand import Demand, demand_of_points, demand_of_zones, weighted_by_users
@@ -33,8 +36,10 @@ __all__ = [
     "Candidate",
     "CarvedGrid",
     "Carver",
+    "ClassedReturns",
     "Coverage",
     "Demand",
+    "LabelledScene",
     "MaskSettings",
     "Masks",
     "MutualSight",
@@ -53,13 +58,16 @@ __all__ = [
     "best_sites",
     "bev_grid",
     "blind_spots",
+    "blocker_shares",
     "candidates_along",
     "candidates_within",
     "choose_sites",
+    "classed_returns",
     "coverage",
     "demand_of_points",
     "demand_of_zones",
     "frame_masks",
+    "labelled_scene",
     "masks_of",
     "mutual_sight",
     "objects_of_frame",

@@ -1,12 +1,61 @@
 """Scenes of several scans of a drive, registered to one frame by the poses."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
+from intervis.arrays import Float64Array
 from intervis.drives import Drive, Frame
 from intervis.errors import DriveError
 from intervis.progress import Progress, reporter
 from intervis.sight import Scene
 from intervis.transform import inverse
+
+
+class RegisteredFrame(NamedTuple):
+    """A frame, its pose in the sensor frame of another one (None: it is that one), and its time.
+
+    The time is in seconds after that frame; None without timestamps.
+    """
+
+    frame: Frame
+    now_from_frame: Float64Array | None
+    time_s: float | None
+
+
+def registered_frames(
+    drive: Drive, now: Frame, numbers: Sequence[int]
+) -> Iterator[RegisteredFrame]:
+    """Other frames of a drive, registered to frame `now`, and `now` itself as the last one.
+
+    Raises
+    ------
+    DriveError
+        A frame has no pose, or cannot be read.
+    """
+    yield from registered_to(now, (drive[number] for number in numbers))
+
+
+def registered_to(now: Frame, others: Iterable[Frame]) -> Iterator[RegisteredFrame]:
+    """As `registered_frames`, of frames that are read already, or while this is iterated.
+
+    Raises
+    ------
+    DriveError
+        A frame has no pose.
+    """
+    for other in others:
+        if now.pose is None or other.pose is None:
+            raise DriveError(
+                f"--frames registers scans by their poses, and frame"
+                f" {other.number if now.pose is not None else now.number} has none."
+            )
+        yield RegisteredFrame(other, inverse(now.pose) @ other.pose, _seconds_between(now, other))
+    yield RegisteredFrame(now, None, 0.0)
+
+
+def scene_for(numbers: Sequence[int]) -> Scene:
+    """An empty scene that will hold a frame and so many others."""
+    return Scene(max_scans=max(64, len(numbers) + 1))
 
 
 def registered_scene(
@@ -21,31 +70,24 @@ def registered_scene(
     DriveError
         A frame has no pose, or cannot be read.
     """
-    return scene_of_frames(now, (drive[number] for number in numbers), len(numbers), progress)
+    report, scene = reporter(progress), scene_for(numbers)
+    for frame, now_from_frame, time_s in registered_frames(drive, now, numbers):
+        scene.add(frame.points, now_from_frame, time_s)
+        report(f"frame {frame.number}")
+    return scene
 
 
-def scene_of_frames(
-    now: Frame, others: Iterable[Frame], count: int, progress: Progress | None = None
-) -> Scene:
-    """As `registered_scene`, of at most `count` other frames that are read already.
+def scene_of_frames(now: Frame, others: Sequence[Frame]) -> Scene:
+    """As `registered_scene`, of frames that are read already.
 
     Raises
     ------
     DriveError
         A frame has no pose.
     """
-    report = reporter(progress)
-    scene = Scene(max_scans=max(64, count + 1))
-    for other in others:
-        if now.pose is None or other.pose is None:
-            raise DriveError(
-                f"--frames registers scans by their poses, and frame"
-                f" {other.number if now.pose is not None else now.number} has none."
-            )
-        scene.add(other.points, inverse(now.pose) @ other.pose, _seconds_between(now, other))
-        report(f"frame {other.number}")
-    scene.add(now.points, None, 0.0)
-    report(f"frame {now.number}")
+    scene = scene_for([other.number for other in others])
+    for frame, now_from_frame, time_s in registered_to(now, others):
+        scene.add(frame.points, now_from_frame, time_s)
     return scene
 
 

@@ -158,6 +158,6 @@ def judge_of(drive: Drive, frame: Frame, request: ViewRequest, read: ReadFrame) 
             others.append(read(number))
         except ScanError as error:
             log.warning("frame %d is judged without that scan: %s", frame.number, error)
-    scene = scene_of_frames(frame, others, len(others))
+    scene = scene_of_frames(frame, others)
     remembered = [other.number for other in others]
     return FrameJudge(frame, scene, request, remembered, query_moment_s(scene))

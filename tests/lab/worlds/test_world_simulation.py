@@ -11,12 +11,14 @@ import pytest
 
 from intervis.drives import kitti_writer, open_drive
 from intervis.drives.kitti_writer import Layout
+from intervis.drives.point_labels import CLASS_NAMES
 from intervis.errors import DriveError, MissingExtraError, OutputError, SettingsError
-from intervis.lab.worlds import load_world, shapes, simulate, simulation
+from intervis.lab.worlds import load_world, shapes, simulate, simulate_drive, simulation
+from intervis.lab.worlds.point_classes import point_labels
 from intervis.lab.worlds.ray_casting import RayCaster
 from intervis.lab.worlds.scanner import Scanner
 from intervis.lab.worlds.sensor_rig import SensorRig
-from intervis.lab.worlds.triangles import Material, Triangles
+from intervis.lab.worlds.triangles import LABELS, Material, Triangles
 from intervis.lab.worlds.world import Actor, World
 from intervis.transform import checked_pose, rigid, transform
 
@@ -208,6 +210,49 @@ def test_returns_lie_on_the_world_in_the_frame_of_the_poses(drive: Path) -> None
         assert (np.abs(error_m) < 0.1).mean() > 0.99
         assert abs(np.median(error_m)) < 0.002
         assert abs(np.percentile(np.abs(error_m), 68.27) - 0.02) < 0.002
+
+
+def test_labels_name_the_surface_of_each_return(tmp_path: Path, drive: Path) -> None:
+    folder = quick(tmp_path, frames=3, labels=True)
+    labelled = open_drive(folder)
+    for frame, plain in zip(labelled, open_drive(drive), strict=True):
+        assert frame.points.tobytes() == plain.points.tobytes()
+        assert plain.point_classes is None
+        x, _, z = frame.points.T
+        car_x = 12.0 - 0.1 * frame.number  # drives 8 m/s, the scanner 9 m/s
+        classes = frame.point_classes
+        assert set(classes.tolist()) == {40, 50, 252}  # road, building, moving car
+        assert np.abs(z[classes == 40] + 1.7).max() < 0.3
+        assert x[classes == 50].min() > 7.8 - 0.9 * frame.number
+        assert np.abs(x[classes == 252] - car_x).max() < 2.2
+        np.testing.assert_array_equal(frame.point_instances, classes == 252)
+    before = content(folder)
+    (folder / "velodyne_points/labels/0000000001.label").unlink()
+    assert content(quick(tmp_path, frames=3, labels=True)) == before
+    assert content(quick(tmp_path, frames=3)) == content(drive)
+
+
+def test_every_surface_and_actor_of_the_street_has_a_class(street: World) -> None:
+    objects = np.arange(len(street.actors) + 1)
+    labels = np.full(len(objects), LABELS["glass"], np.int8)
+    classes = point_labels(street, labels, objects) & 0xFFFF
+    assert classes[0] == 10  # a parked car
+    kinds = [actor.name.split()[0] for actor in street.actors]
+    assert set(zip(kinds, classes[1:].tolist(), strict=True)) == {
+        ("car", 252),
+        ("bicycle", 253),
+        ("person", 254),
+    }
+    surfaces = np.array(sorted(LABELS.values()), np.int8)
+    numbers = point_labels(street, surfaces, np.zeros(len(surfaces), np.int64))
+    assert numbers[surfaces == LABELS["none"]] == 0
+    assert set(numbers[surfaces != LABELS["none"]].tolist()) <= set(CLASS_NAMES)
+
+
+def test_labels_are_refused_where_the_layout_has_none(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="in KITTI's layout only, not in pcd"):
+        simulate_drive(tmp_path / "drive", "pcd", frames=1, labels=True)
+    assert not (tmp_path / "drive").exists()
 
 
 def test_a_second_run_keeps_existing_files_and_reports_every_frame(tmp_path: Path) -> None:

@@ -45,6 +45,10 @@ def simulate(
         bool,
         typer.Option("--motion-distortion", help="Vehicle and traffic move during a sweep."),
     ] = False,
+    labels: Annotated[
+        bool,
+        typer.Option("--labels", help="Classes of the points, as SemanticKITTI's; KITTI's layout."),
+    ] = False,
 ) -> None:
     """Write a simulated drive through the built-in street.
 
@@ -63,6 +67,7 @@ def simulate(
             seed=seed,
             images=images,
             motion_distortion=motion_distortion,
+            labels=labels,
             progress=advance,
         )
     show(f"Drive: {drive}")

@@ -67,6 +67,7 @@ def simulate_drive(
     seed: int = 0,
     images: bool = True,
     motion_distortion: bool = False,
+    labels: bool = False,
     progress: Progress | None = None,
 ) -> Path:
     """Simulate a drive through the built-in street and write it in a layout.
@@ -89,6 +90,8 @@ def simulate_drive(
         False omits the images; layouts without images have none.
     motion_distortion : bool
         Vehicle and actors move during a sweep. By default all beams of a sweep are fired at once.
+    labels : bool
+        KITTI's layout only: labels of the points (see `simulate`).
     progress : callable, optional
         Called with a note after each frame.
 
@@ -114,7 +117,11 @@ def simulate_drive(
     seed, frames = whole_number("seed", seed, 0), whole_number("frames", frames, 1)
     if layout == "kitti":
         return _simulate_kitti(
-            out, scanners, frames, seed, images, motion_distortion, reporter(progress)
+            out, scanners, frames, seed, images, motion_distortion, labels, reporter(progress)
+        )
+    if labels:
+        raise SettingsError(
+            f"labels of points are written in KITTI's layout only, not in {layout}."
         )
     drive = _drive(layout, scanners, frames, seed, images, motion_distortion, Path(out))
     metadata = {
@@ -177,6 +184,7 @@ def _simulate_kitti(
     seed: int,
     images: bool,
     motion_distortion: bool,
+    labels: bool,
     progress: Progress,
 ) -> Path:
     if len(scanners) > 1:
@@ -197,5 +205,6 @@ def _simulate_kitti(
         scanner=own,
         images=images,
         motion_distortion=motion_distortion,
+        labels=labels,
         progress=progress,
     )

@@ -21,6 +21,7 @@ from intervis.drives.kitti_writer import (
 from intervis.errors import MissingExtraError, OutputError, SettingsError
 from intervis.files import write_bytes
 from intervis.lab.worlds.mounted_scanner import EGO_FROM_VELO, MountedScanner
+from intervis.lab.worlds.point_classes import point_labels
 from intervis.lab.worlds.ray_casting import require_embreex
 from intervis.lab.worlds.recording import FILE_NAME, PERIOD_S, world_bytes
 from intervis.lab.worlds.renderer import render
@@ -47,6 +48,7 @@ def simulate(
     scanner: Scanner | MountedScanner | None = None,
     images: bool = True,
     motion_distortion: bool = False,
+    labels: bool = False,
 ) -> Path:
     """Simulate a drive through the built-in street and write it in KITTI's raw layout.
 
@@ -74,6 +76,9 @@ def simulate(
         False omits the images.
     motion_distortion : bool
         Vehicle and actors move during a sweep; the layout has no times of points.
+    labels : bool
+        Write the class and the actor of each return, as SemanticKITTI does, to
+        ``velodyne_points/labels``.
 
     Returns
     -------
@@ -103,6 +108,8 @@ def simulate(
         metadata["scanner"] = asdict(sensor)
     if motion_distortion:
         metadata["motion_distortion"] = True
+    if labels:
+        metadata["labels"] = True
     most = int(world.last_s / PERIOD_S) + 1
     if frames > most:
         raise SettingsError(f"frames must be at most {most}, where the street ends, got {frames}.")
@@ -118,7 +125,7 @@ def simulate(
     _prepare(layout, rig, metadata, frames)
     _write_sequence_files(layout, world, frames, images)
     for number in range(frames):
-        _write_frame(layout, world, sensor, rig, seed, number, images, motion_distortion)
+        _write_frame(layout, world, sensor, rig, seed, number, images, motion_distortion, labels)
         reporter(progress)(f"frame {number}")
     return layout.drive
 
@@ -190,9 +197,10 @@ def _write_frame(
     number: int,
     images: bool,
     motion: bool,
+    labels: bool,
 ) -> None:
-    scan, image = layout.scan(number), layout.image(number)
-    if scan.is_file() and (image.is_file() or not images):
+    scan, image, label = layout.scan(number), layout.image(number), layout.labels(number)
+    if scan.is_file() and (image.is_file() or not images) and (label.is_file() or not labels):
         return
     time_s = number * PERIOD_S
     snapshot, pose = world.at(time_s), world.vehicle_pose_at(time_s)
@@ -208,6 +216,9 @@ def _write_frame(
     else:
         points, attributes = scanner.scan(snapshot, pose, rng)
     write_bytes(scan, scan_bytes(points, attributes["intensity"]))
+    if labels:
+        numbers = point_labels(world, attributes["label"], attributes["object"])
+        write_bytes(label, numbers.astype("<u4").tobytes())
     if images:
         picture = render(snapshot, rig.camera(), rig.cam_from_velo, pose)
         write_bytes(image, _png_bytes(picture))
