@@ -225,3 +225,17 @@ def test_a_real_drive_fits_into_ten_megabytes(shared_data):
     content, blocks = parts_of(page.decode())
     rows = unpacked(blocks["block-1"])["row"]
     assert len(rows) == content["frames"][1]["stored"] <= 50_000
+
+
+def test_a_tilted_scanner_without_a_pose_has_a_page_without_ground(tmp_path):
+    x, y = np.meshgrid(np.arange(-12, 12, 0.2), np.arange(-12, 12, 0.2))
+    ground = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1)
+    s = np.sqrt(0.5)
+    for turn, has_ground in (
+        (np.eye(3), True),
+        (np.array([[s, 0, s], [0, 1, 0], [-s, 0, s]]), False),
+    ):
+        np.save(tmp_path / "scan.npy", (ground @ turn).astype(np.float32))
+        drive = open_drive(tmp_path / "scan.npy")
+        content, _ = parts_of(page_html(drive, [0], ViewRequest(viewpoint="sensor")).decode())
+        assert (content["frames"][0]["ground_m"] is not None) is has_ground

@@ -96,9 +96,9 @@ class FrameJudge:
             sight,
             tuple(self.line(viewpoint, end) for end in ends),
             self._objects(viewpoint),
-            self._grid(viewpoint, points) if request.has_blind_spots else None,
+            self._grid(viewpoint, points),
             analysis_of(self.frame, viewpoint) if request.has_method else None,
-            float(self.scene.ground_height(viewpoint[None, :2])[0]),
+            self._ground_m(viewpoint),
         )
 
     def _objects(self, viewpoint: Float64Array) -> list[ObjectSight]:
@@ -108,7 +108,20 @@ class FrameJudge:
             self.frame, self.scene, viewpoint, risk=self._request.risk, moment_s=self.moment_s
         )
 
-    def _grid(self, viewpoint: Float64Array, points: Float64Array) -> VisibilityGrid:
+    def _ground_m(self, viewpoint: Float64Array) -> float:
+        """Height of the ground below; NaN if none is shown, or z is not up."""
+        return (
+            np.nan if self._is_tilted else float(self.scene.ground_height(viewpoint[None, :2])[0])
+        )
+
+    @property
+    def _is_tilted(self) -> bool:
+        """Whether the scanner is tilted, and has no pose: there is no map of the ground then."""
+        return self.scene.tilt_deg > 0.0
+
+    def _grid(self, viewpoint: Float64Array, points: Float64Array) -> VisibilityGrid | None:
+        if self._is_tilted or not self._request.has_blind_spots:
+            return None
         return visibility_grid(
             self.scene,
             viewpoint,
