@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable
+from io import BufferedReader
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from intervis.drives.float_columns import column_names, likely_width
 from intervis.drives.pcd_file import read_pcd
 from intervis.drives.ply_file import read_ply
 from intervis.drives.point_cloud2 import decode_point_cloud2, scan_of_cloud
-from intervis.drives.regular_file import open_regular
+from intervis.drives.regular_file import open_regular, rest_as_numbers
 from intervis.drives.scan import Scan, scan_of_rows
 from intervis.drives.threedtk import read_3d
 from intervis.drives.vehicle_axes import X_RIGHT
@@ -36,10 +37,11 @@ def read_bin(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
         not four numbers and the data does not show how many.
     """
     with open_regular(path) as file:
-        start = file.read(len(CDR_START))
-    if start == CDR_START:
-        return read_cdr(path, velo_from_file)
-    return _read_float32_rows(path, 4, velo_from_file)
+        is_message = file.read(len(CDR_START)) == CDR_START
+        file.seek(0)
+        if not is_message:
+            return _read_float32_rows(path, file, 4, velo_from_file)
+    return read_cdr(path, velo_from_file)
 
 
 def read_cdr(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
@@ -55,7 +57,9 @@ def read_nuscenes(path: Path, velo_from_file: Float64Array | None = None) -> Sca
     Its x looks right and its y forward. Unless another motion is given, the points are turned into
     x forward, y left.
     """
-    return _read_float32_rows(path, 5, X_RIGHT.T if velo_from_file is None else velo_from_file)
+    velo_from_file = X_RIGHT.T if velo_from_file is None else velo_from_file
+    with open_regular(path) as file:
+        return _read_float32_rows(path, file, 5, velo_from_file)
 
 
 def read_npy(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
@@ -68,10 +72,8 @@ def read_npy(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
         type, or holds no points.
     """
     try:
-        # A memory map fails on a header that declares more than the file holds, and allocates
-        # nothing.
-        open_regular(path).close()
-        rows = np.load(path, mmap_mode="r", allow_pickle=False)
+        with open_regular(path) as file:
+            rows = np.load(file, allow_pickle=False)
     except OSError:
         raise
     except Exception as error:  # numpy evaluates the header as a literal: various types
@@ -143,10 +145,11 @@ def reading(path: Path, reader: Callable[[Path], Scan]) -> Scan:
         raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
 
 
-def _read_float32_rows(path: Path, usual: int, velo_from_file: Float64Array | None) -> Scan:
-    with open_regular(path) as file:
-        values = np.fromfile(file, dtype="<f4")
-        size_bytes = file.seek(0, 2)
+def _read_float32_rows(
+    path: Path, file: BufferedReader, usual: int, velo_from_file: Float64Array | None
+) -> Scan:
+    values = rest_as_numbers(file, "<f4")
+    size_bytes = file.seek(0, 2)
     width, certain = likely_width(values, usual) if size_bytes % 4 == 0 else (None, True)
     if width is None:
         raise ScanError(
