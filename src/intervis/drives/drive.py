@@ -21,6 +21,7 @@ from intervis.drives.calibration import CameraCalibration
 from intervis.drives.frame import Frame, ScannerScan
 from intervis.drives.pose_track import PoseTrack
 from intervis.drives.regular_file import open_regular
+from intervis.drives.remote_path import for_each
 from intervis.drives.scan import Scan
 from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError
@@ -232,18 +233,18 @@ class Drive:
         """
         digest, scan_bytes = hashlib.sha256(), 0
         try:
-            for number in self.frame_numbers:
-                with open_regular(self.scan_paths[number]) as file:
-                    size = file.seek(0, 2)
-                    file.seek(max(0, (size - SAMPLE_BYTES) // 2))
-                    digest.update(f"scan {number} {size}\n".encode() + file.read(SAMPLE_BYTES))
+            paths = [self.scan_paths[number] for number in self.frame_numbers]
+            for number, (size, part) in zip(
+                self.frame_numbers, for_each(_size_and_middle, paths), strict=True
+            ):
+                digest.update(f"scan {number} {size}\n".encode() + part)
                 scan_bytes += size
             for number, path in sorted(self.image_paths.items()):
                 digest.update(f"image {number} {path.stat().st_size}\n".encode())
-            for path in self.metadata_files:
-                with open_regular(path) as file:
-                    digest.update(f"file {path.name}\n".encode(errors="surrogateescape"))
-                    digest.update(file.read())
+            contents = for_each(_content, self.metadata_files)
+            for path, content in zip(self.metadata_files, contents, strict=True):
+                digest.update(f"file {path.name}\n".encode(errors="surrogateescape"))
+                digest.update(content)
         except OSError as error:
             raise DriveError(f"cannot read {error.filename}: {error.strerror}.") from None
         return {
@@ -265,3 +266,16 @@ class Drive:
             f"{self.name} has no frame {number}: its {len(self)} frames are numbered"
             f" {numbers[0]} to {numbers[-1]}, nearest {nearest}."
         )
+
+
+def _size_and_middle(path: Path) -> tuple[int, bytes]:
+    """Size of a file, and the bytes in its middle, `SAMPLE_BYTES` at most."""
+    with open_regular(path) as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, (size - SAMPLE_BYTES) // 2))
+        return size, file.read(SAMPLE_BYTES)
+
+
+def _content(path: Path) -> bytes:
+    with open_regular(path) as file:
+        return file.read()

@@ -11,17 +11,23 @@ import io
 import os
 import stat
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from functools import total_ordering
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from intervis.errors import DriveError, MissingExtraError
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
+
+Result = TypeVar("Result")
+
+AT_ONCE = 16
+"""Requests that wait at the same time."""
 
 LISTED_AFTER = 2
 """Questions about single entries of a folder after which the whole folder is listed."""
@@ -84,6 +90,22 @@ def check_on_disk(path: Path) -> None:
             f"{path} is of a format that is read from local files only: copy it, and give the path"
             " of the copy."
         )
+
+
+def for_each(function: Callable[[Path], Result], paths: Iterable[Path]) -> Iterable[Result]:
+    """What a function returns for each path, in their order; of remote paths, several at once.
+
+    Parameters
+    ----------
+    function : function of a Path
+        Asks for little, so that it mostly waits. What it raises is raised.
+    paths : iterable of Path
+    """
+    listed = list(paths)
+    if not any(map(is_remote, listed)):
+        return map(function, listed)
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        return list(pool.map(function, listed))
 
 
 class _Entry(NamedTuple):

@@ -2,12 +2,11 @@
 
 import logging
 from collections.abc import Callable
-from io import BufferedReader
 from pathlib import Path
 
 import numpy as np
 
-from intervis.arrays import Float64Array
+from intervis.arrays import Float32Array, Float64Array
 from intervis.drives.float_columns import column_names, likely_width
 from intervis.drives.pcd_file import read_pcd
 from intervis.drives.ply_file import read_ply
@@ -36,12 +35,10 @@ def read_bin(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
         The file holds no points, its size is not a multiple of a point's size, or its points have
         not four numbers and the data does not show how many.
     """
-    with open_regular(path) as file:
-        is_message = file.read(len(CDR_START)) == CDR_START
-        file.seek(0)
-        if not is_message:
-            return _read_float32_rows(path, file, 4, velo_from_file)
-    return read_cdr(path, velo_from_file)
+    numbers, size_bytes = _float32_numbers(path)
+    if numbers[:1].tobytes() == CDR_START:
+        return read_cdr(path, velo_from_file)
+    return _scan_of_numbers(path, numbers, size_bytes, 4, velo_from_file)
 
 
 def read_cdr(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
@@ -58,8 +55,7 @@ def read_nuscenes(path: Path, velo_from_file: Float64Array | None = None) -> Sca
     x forward, y left.
     """
     velo_from_file = X_RIGHT.T if velo_from_file is None else velo_from_file
-    with open_regular(path) as file:
-        return _read_float32_rows(path, file, 5, velo_from_file)
+    return _scan_of_numbers(path, *_float32_numbers(path), 5, velo_from_file)
 
 
 def read_npy(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
@@ -145,11 +141,19 @@ def reading(path: Path, reader: Callable[[Path], Scan]) -> Scan:
         raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
 
 
-def _read_float32_rows(
-    path: Path, file: BufferedReader, usual: int, velo_from_file: Float64Array | None
+def _float32_numbers(path: Path) -> tuple[Float32Array, int]:
+    """The numbers of a file, and its size in bytes."""
+    with open_regular(path) as file:
+        return rest_as_numbers(file, "<f4"), file.seek(0, 2)
+
+
+def _scan_of_numbers(
+    path: Path,
+    values: Float32Array,
+    size_bytes: int,
+    usual: int,
+    velo_from_file: Float64Array | None,
 ) -> Scan:
-    values = rest_as_numbers(file, "<f4")
-    size_bytes = file.seek(0, 2)
     width, certain = likely_width(values, usual) if size_bytes % 4 == 0 else (None, True)
     if width is None:
         raise ScanError(

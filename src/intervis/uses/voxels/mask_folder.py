@@ -9,7 +9,7 @@ from pathlib import Path
 import intervis
 from intervis.drives import Drive
 from intervis.errors import OutputError
-from intervis.files import make_folder, write_text
+from intervis.files import make_folder, refuse_address, write_text
 from intervis.output_folder import refuse_links
 from intervis.uses.voxels.drive_masks import MaskSettings
 
@@ -34,6 +34,7 @@ def check_folder(
     """
     text = json.dumps(_metadata(drive, layout, settings, cameras), indent=1) + "\n"
     path = out / METADATA_NAME
+    refuse_address(out)
     refuse_links(path)
     try:
         if out.exists() and not out.is_dir():
