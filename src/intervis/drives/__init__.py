@@ -1,4 +1,4 @@
-"""Drives: scans, cameras, poses and timestamps, read from the supported layouts on disk.
+"""Drives: scans, cameras, poses and timestamps, read from the supported layouts.
 
 Each layout has a module with ``EXPECTED_FILES`` (for the error message), ``find_roots`` and
 ``read_drive``.
@@ -85,7 +85,8 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     Parameters
     ----------
     path : path-like
-        A folder or a file.
+        A folder or a file; or the address of one in storage that fsspec reads, ``s3://BUCKET/DRIVE``
+        (extras ``s3``, ``gs``; ``remote`` for others). E57 and ROS 2 databases must be local.
     camera : str, optional
         Name of a camera (``image_03``), or its number. Default: the left colour camera, number 2.
 
@@ -97,7 +98,9 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     ------
     DriveError
         `path` does not exist, its layout is not known (the message lists the expected files), it
-        holds several drives, or the drive has no such camera.
+        holds several drives, the drive has no such camera, or the storage refuses.
+    MissingExtraError
+        What reads the format or the address is not installed.
     CalibrationError
         A file of calibration, poses or times is missing where it is needed, or a line of it does
         not parse.

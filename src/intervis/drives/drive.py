@@ -35,7 +35,8 @@ class Drive:
     """A sequence of scans with camera, poses and timestamps; made by `intervis.open_drive`.
 
     A drive holds paths and the content of small files. Scans and images are read when a frame is
-    accessed, and are not kept.
+    accessed, and are not kept. The paths of a remote drive are no `pathlib.Path`, but have what
+    reading needs of it; their text is the address.
 
     Attributes
     ----------
@@ -217,7 +218,8 @@ class Drive:
     def fingerprint(self) -> dict[str, Any]:
         """Identification of the drive's content, independent of its place on disk.
 
-        Only a part of each scan is read, so that long drives take little time.
+        Only a part of each scan is read, so that long drives take little time. It is the same
+        wherever the files lie: on a disk, or in storage that is reached over a network.
 
         Returns
         -------

@@ -29,7 +29,7 @@ Result = TypeVar("Result")
 AT_ONCE = 16
 """Requests that wait at the same time."""
 
-LISTED_AFTER = 2
+LISTED_AFTER = 8
 """Questions about single entries of a folder after which the whole folder is listed."""
 
 AHEAD_BYTES, BUFFER_BYTES = 2**18, 2**16
@@ -73,7 +73,7 @@ def remote_path(address: str) -> Path:
 
 
 def is_remote(path: object) -> bool:
-    """Whether a path is in storage that is reached over a network."""
+    """Whether a path is an address of storage, and not a path on a disk."""
     return isinstance(path, RemotePath)
 
 
@@ -130,9 +130,12 @@ class _Storage:
     def __init__(self, scheme: str) -> None:
         self.scheme = scheme
         self._files = _file_system(scheme)
+        self._files.invalidate_cache()  # what it knows of drives that were opened before
         self._known: dict[PurePosixPath, _Entry | None] = {}
         self._listings: dict[PurePosixPath, dict[str, _Entry]] = {}
         self._questions: Counter[PurePosixPath] = Counter()
+        self._unlisted = {PurePosixPath()}
+        """Folders that may not be listed; buckets are not searched for."""
 
     def __reduce__(self) -> tuple[type["_Storage"], tuple[str]]:
         return type(self), (self.scheme,)  # a worker process asks for itself
@@ -146,11 +149,12 @@ class _Storage:
         if path in self._known:
             return self._known[path]
         folder = path.parent
-        if folder not in self._listings:
-            self._questions[folder] += 1
-            if self._questions[folder] <= LISTED_AFTER or not self._can_list(folder):
-                return self._known.setdefault(path, self._ask(path))
-        return self._listings[folder].get(path.name)
+        self._questions[folder] += 1
+        if self._questions[folder] > LISTED_AFTER and folder not in self._unlisted:
+            self._try_to_list(folder)
+        if folder in self._listings:
+            return self._listings[folder].get(path.name)
+        return self._known.setdefault(path, self._ask(path))
 
     def listing(self, folder: PurePosixPath) -> dict[str, _Entry]:
         """The entries of a folder by name."""
@@ -177,15 +181,11 @@ class _Storage:
         except (FileNotFoundError, NotADirectoryError):
             return None
 
-    def _can_list(self, folder: PurePosixPath) -> bool:
-        """List a folder, if it may be listed; buckets are not searched for."""
-        if folder == PurePosixPath():
-            return False
+    def _try_to_list(self, folder: PurePosixPath) -> None:
         try:
             self.listing(folder)
         except OSError:
-            return False
-        return True
+            self._unlisted.add(folder)
 
 
 @total_ordering
@@ -409,4 +409,4 @@ def _reason(error: Exception) -> str:
 
 def _entry(info: dict[str, Any]) -> _Entry:
     size_bytes = info.get("size")
-    return _Entry(str(info["type"]), -1 if size_bytes is None else int(size_bytes))
+    return _Entry(str(info.get("type", "file")), -1 if size_bytes is None else int(size_bytes))
