@@ -18,6 +18,7 @@ from valid_files import TARGETS
 from intervis.cli import exit_code
 from intervis.drives import Drive, open_drive
 from intervis.drives.remote_path import remote_path
+from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError, MissingExtraError, OutputError, ScanError
 from intervis.files import check_new_folder, make_folder, write_bytes
 
@@ -374,6 +375,28 @@ def test_files_of_a_folder_that_may_not_be_listed_are_asked_for_one_by_one(
     assert [name for name in "abcdefgh" if (folder / name).is_file()] == list("abcde")
     with pytest.raises(PermissionError, match="Permission denied"):
         list(folder.iterdir())
+
+
+def test_what_is_neither_file_nor_folder_is_not_opened(tmp_path, refusing, monkeypatch):
+    """Pipes and devices of a server, as sftp has them: reading one may never end."""
+    write_scan(tmp_path / "1.bin", 1)
+    upload(tmp_path)
+    refusing(OddError(), "nowhere")
+    ls = MemoryFileSystem.ls
+
+    def with_a_pipe(self, path, detail=True, **options):
+        return [{**one, "type": "other"} for one in ls(self, path, detail=True, **options)]
+
+    monkeypatch.setattr(RefusingStorage, "ls", with_a_pipe)
+    (path,) = remote_path("refusing://bucket").iterdir()
+    with pytest.raises(ScanError, match="it is a pipe or a device, not a file"):
+        read_scan(path)
+
+
+def test_an_address_is_not_opened_for_writing(memory):
+    with pytest.raises(OSError, match="addresses are read and not written"):
+        remote_path("memory://bucket/a").open("wb")
+    assert not memory.store
 
 
 def test_nothing_at_an_address_is_told(memory):

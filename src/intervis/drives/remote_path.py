@@ -404,7 +404,7 @@ def _told(address: str) -> Iterator[None]:
 
 def _reason(error: Exception) -> str:
     reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    return str(reason).splitlines()[0][:200].rstrip(".")
+    return str(reason).splitlines()[0][:200].rstrip(".: ")
 
 
 def _entry(info: dict[str, Any]) -> _Entry:
