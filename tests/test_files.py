@@ -6,7 +6,7 @@ import os
 import pytest
 
 from intervis.errors import OutputError
-from intervis.files import whole_folder, write_bytes, write_text, write_whole
+from intervis.files import remove_parts, whole_folder, write_bytes, write_text, write_whole
 from small_drive import files_below
 
 
@@ -149,3 +149,14 @@ def test_a_folder_with_files_is_not_changed(tmp_path):
             raise AssertionError
     assert list(files_below(tmp_path)) == ["a.txt"]
     assert (tmp_path / "a.txt").read_text() == "mine"
+
+
+def test_parts_of_one_file_are_removed_whatever_it_is_called(tmp_path):
+    """The name is no pattern: [1] is not 1; links and files of other names stay."""
+    names = [".[1].npz.0a.part", ".1.npz.0a.part", "[1].npz", ".[1].npz.link.part"]
+    for name in names[:3]:
+        (tmp_path / name).write_text("half")
+    (tmp_path / names[3]).symlink_to(tmp_path / "[1].npz")
+    remove_parts(tmp_path / "[1].npz")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names[1:])
+    remove_parts(tmp_path / "none" / "a.npz")

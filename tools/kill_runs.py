@@ -9,7 +9,8 @@ file (stage times aside), and leave no incomplete file. Kinds of runs, in turn:
 - shards: two processes, each with a shard, both killed;
 - parent: two worker processes; their parent is killed;
 - worker: two worker processes; one of them is killed, and the run must end by itself;
-- dask: two dask workers on this machine; the whole process group is killed.
+- dask: two dask workers on this machine; the whole process group is killed;
+- masks: `intervis masks`, whose resumed folder must hold the bytes of the uninterrupted one.
 
 ``python tools/kill_runs.py --count 100``
 """
@@ -32,9 +33,12 @@ from intervis.drives import open_drive
 from intervis.errors import IntervisError
 from intervis.run.stream import run_drive
 from intervis.settings import Settings
+from intervis.uses.voxels.drive_masks import MaskSettings
+from intervis.uses.voxels.mask_layouts import LAYOUTS
+from intervis.uses.voxels.mask_run import MaskRun
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = ("one", "shards", "parent", "worker", "dask")
+KINDS = ("one", "shards", "parent", "worker", "dask", "masks")
 SCANS = 60
 SETTINGS = Settings(tau=1)
 LONGEST_S = 600.0
@@ -55,13 +59,19 @@ def main() -> int:
     wrong = 0
     with tempfile.TemporaryDirectory(prefix="intervis-kills-") as folder:
         drive = small.scan_folder(Path(folder) / "drive", tuple(range(SCANS)))
-        run_drive(open_drive(drive), Path(folder) / "reference", settings=SETTINGS)
-        expected = small.results(Path(folder) / "reference")
+        reference = Path(folder) / "reference"
+        run_drive(open_drive(drive), reference, settings=SETTINGS)
+        _masks(drive, Path(folder) / "masks")
+        masks = _contents(Path(folder) / "masks")
+        expected = small.results(reference)
         for number in range(chosen.count):
             kind = chosen.kind or KINDS[number % len(KINDS)]
             out = Path(folder) / f"run-{number}"
             there = _killed(kind, drive, out, rng)
-            fault = _fault(drive, out, expected, small)
+            if kind == "masks":
+                fault = _fault_of_masks(drive, out, masks)
+            else:
+                fault = _fault(drive, out, expected, small)
             wrong += bool(fault)
             outcomes[f"{kind}: {'WRONG' if fault else 'right'}"] += 1
             print(
@@ -82,19 +92,12 @@ def _small_drive() -> Any:
 
 
 def _command(drive: Path, out: Path, *options: str) -> Command:
+    return _program("run", drive, out, "--tau", "1", *options)
+
+
+def _program(name: str, drive: Path, out: Path, *options: str) -> Command:
     program = "from intervis.cli import main; main()"
-    return [
-        sys.executable,
-        "-c",
-        program,
-        "run",
-        str(drive),
-        "--out",
-        str(out),
-        "--tau",
-        "1",
-        *options,
-    ]
+    return [sys.executable, "-c", program, name, str(drive), "--out", str(out), *options]
 
 
 def _commands(kind: str, drive: Path, out: Path) -> list[Command]:
@@ -104,6 +107,8 @@ def _commands(kind: str, drive: Path, out: Path) -> list[Command]:
         return [_command(drive, out, "--workers", "2")]
     if kind == "dask":
         return [_command(drive, out, "--workers", "2", "--executor", "dask")]
+    if kind == "masks":
+        return [_program("masks", drive, out, "--later", "0", "--layout", "sscbench-kitti360")]
     return [_command(drive, out)]
 
 
@@ -121,6 +126,33 @@ def _fault(drive: Path, out: Path, expected: Any, small: Any) -> str:
     return f"left: {', '.join(left)}" if left else ""
 
 
+def _masks(drive: Path, out: Path) -> None:
+    """What the command of this kind writes."""
+    layout, opened = LAYOUTS["sscbench-kitti360"], open_drive(drive)
+    run = MaskRun(opened, opened.frame_numbers, layout, MaskSettings(layout.grid))
+    for _ in run.write(out):
+        pass
+
+
+def _fault_of_masks(drive: Path, out: Path, expected: dict[str, bytes]) -> str:
+    """Resume masks; what is wrong with them then, if anything."""
+    try:
+        _masks(drive, out)
+    except IntervisError as error:
+        return str(error)
+    found = _contents(out)
+    differing = [name for name in {**expected, **found} if expected.get(name) != found.get(name)]
+    return f"not as in the uninterrupted folder: {', '.join(differing)}" if differing else ""
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
 def _start(command: Command) -> "subprocess.Popen[bytes]":
     return subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
@@ -132,7 +164,8 @@ def _killed(kind: str, drive: Path, out: Path, rng: random.Random) -> int:
     frames = rng.randrange(SCANS)
     delay_s = rng.choice([0.0, rng.uniform(0.0, 0.02)])
     processes = [_start(command) for command in _commands(kind, drive, out)]
-    while len(list(out.glob("frames/*.npz"))) < frames and processes[0].poll() is None:
+    files = ".intervis-masks/*.json" if kind == "masks" else "frames/*.npz"
+    while len(list(out.glob(files))) < frames and processes[0].poll() is None:
         time.sleep(0.0005)
     time.sleep(delay_s)
     if kind == "worker":
@@ -144,7 +177,7 @@ def _killed(kind: str, drive: Path, out: Path, rng: random.Random) -> int:
             os.killpg(process.pid, signal.SIGKILL)
         process.kill()
         process.wait(LONGEST_S)
-    return len(list(out.glob("frames/*.npz")))
+    return len(list(out.glob(files)))
 
 
 def _children(parent: int) -> list[int]:

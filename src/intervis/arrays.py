@@ -1,5 +1,7 @@
-"""Array types, and checks of the arrays that callers pass in: nothing passed in is changed."""
+"""Array types, checks of the arrays that callers pass in, which are not changed, and digests."""
 
+import hashlib
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -178,3 +180,19 @@ def finite_rows(points: FloatArray) -> BoolArray:
     with np.errstate(over="ignore"):
         x, y, z = np.abs(points[:, :3]).T
         return np.asarray(x.astype(np.float64) + y + z <= LARGEST_M)  # nor is NaN
+
+
+def digest_of(text: str, arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Digest of a text and of arrays with their names, types and shapes: 32 hexadecimal digits.
+
+    Examples
+    --------
+    >>> digest_of("a scan", {"points": np.zeros((2, 3))})
+    'be36726320318da452fe0b651eedca91'
+    """
+    digest = hashlib.blake2b(text.encode(), digest_size=16)
+    for name, values in arrays.items():
+        array = np.ascontiguousarray(values)
+        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        digest.update(array.data)
+    return digest.hexdigest()

@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import glob
 import os
 import secrets
 import shutil
@@ -97,6 +98,22 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """
     with whole_file(path) as file:
         write(file)
+
+
+def remove_parts(path: Path) -> None:
+    """Remove what killed processes have left of a file; only where no other process writes it.
+
+    Raises
+    ------
+    OutputError
+        The system refuses.
+    """
+    try:
+        for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+            if not part.is_symlink():
+                part.unlink()
+    except OSError as error:
+        raise OutputError(_write_failure(path, error)) from None
 
 
 def write_bytes(path: Path, content: bytes) -> None:

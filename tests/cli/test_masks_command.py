@@ -2,6 +2,10 @@
 
 import json
 import re
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,44 +17,16 @@ from intervis.errors import SettingsError
 from intervis.plots import style
 from intervis.uses.voxels.drive_masks import MaskSettings, frame_masks, on_own_car, read_classes
 from intervis.uses.voxels.voxel_grid import VoxelGrid
+from labelled_sequence import ring, write_sequence
 from small_drive import files_below, scan_folder
 
 SMALL = ["--layout", "npz", "--corner", "0,-4,-2", "--cell", "0.5", "--shape", "24,16,8"]
 
 
-def ring(x_shift_m: float) -> np.ndarray:
-    """Ground around a scanner and a wall 12 m ahead of the first one."""
-    azimuth, elevation = np.meshgrid(
-        np.radians(np.arange(0, 360, 0.8)), np.radians(np.arange(-24, 4, 0.8))
-    )
-    rays = np.stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation)], axis=-1).reshape(-1, 3)
-    ground = np.where(rays[:, 2] < -1e-3, -1.7 / np.minimum(rays[:, 2], -1e-3), 1e6)
-    wall = np.where(rays[:, 0] > 1e-3, (12.2 - x_shift_m) / np.maximum(rays[:, 0], 1e-3), 1e6)
-    range_m = np.minimum(ground, wall)
-    kept = range_m < 60
-    return (rays[kept] * range_m[kept, None]).astype(np.float32)
-
-
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory) -> Path:
-    """Three labelled scans, 1 m apart, in SemanticKITTI's layout; the camera axes are KITTI's."""
-    root = tmp_path_factory.mktemp("kitti") / "sequences" / "00"
-    (root / "velodyne").mkdir(parents=True)
-    (root / "labels").mkdir()
-    (root / "calib.txt").write_text(
-        "P2: 700 0 600 0 0 700 180 0 0 0 1 0\nP3: 700 0 600 -350 0 700 180 0 0 0 1 0\n"
-        "Tr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n"
-    )
-    (root / "times.txt").write_text("0\n0.1\n0.2\n")
-    lines = [f"1 0 0 0 0 1 0 0 0 0 1 {float(n)}" for n in range(3)]  # z ahead of camera 0
-    (root / "poses.txt").write_text("\n".join(lines) + "\n")
-    for number in range(3):
-        points = ring(float(number))
-        rows = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
-        rows.tofile(root / "velodyne" / f"{number:06d}.bin")
-        labels = np.where(points[:, 2] < -1.6, 40, 50).astype(np.uint32) | (7 << 16)
-        labels.tofile(root / "labels" / f"{number:06d}.label")
-    return root
+    """Three labelled scans, 1 m apart."""
+    return write_sequence(tmp_path_factory.mktemp("kitti") / "sequences" / "00", 3)
 
 
 def test_a_labelled_sequence_in_semantickitti_layout(sequence, tmp_path, capsys) -> None:
@@ -83,8 +59,14 @@ def test_more_frames_go_into_the_same_folder(sequence, tmp_path, capsys) -> None
     command = ["masks", str(sequence), "--out", str(tmp_path / "m"), *SMALL, "--no-cameras"]
     assert exit_code([*command, "--frames", "0"]) == 0
     assert exit_code([*command, "--frames", "1:3", "--stride", "2"]) == 0
-    names = sorted(path.name for path in (tmp_path / "m").iterdir())
-    assert names == ["000000.npz", "000001.npz", "masks.json"]
+    assert sorted(files_below(tmp_path / "m")) == [
+        ".intervis",
+        ".intervis-masks/0000000000.json",
+        ".intervis-masks/0000000001.json",
+        "000000.npz",
+        "000001.npz",
+        "masks.json",
+    ]
     assert exit_code([*command, "--definition", "occ3d"]) == 2
     assert "holds masks of another drive, layout, definition or grid" in capsys.readouterr().err
 
@@ -136,6 +118,7 @@ def test_the_states_that_are_told_sum_to_all_voxels(sequence, tmp_path, capsys) 
     [
         ([], "Scanner at (0.94, 0.00, 1.84) m in the vehicle's frame, that of nuScenes, assumed"),
         (["--lidar-at", "1,0,2"], "Scanner at (1.00, 0.00, 2.00) m in the vehicle's frame, as --"),
+        (["--layout", "occ3d-waymo"], "(1.43, 0.00, 2.18) m in the vehicle's frame, that of Waymo"),
         (["--layout", "surroundocc"], ""),
     ],
 )
@@ -315,3 +298,78 @@ def test_classes_that_are_no_whole_numbers_are_refused(tmp_path, content):
     path.write_text(content)
     with pytest.raises(SettingsError, match="whole numbers from 0 to 65535"):
         read_classes(path)
+
+
+# Stopped and taken up
+
+
+def program(*words: object) -> list[str]:
+    """The command as a process of its own; SIGINT is ignored in whatever runs in the background."""
+    start = "import signal; signal.signal(2, signal.default_int_handler);"
+    code = f"{start} from intervis.cli import main; main()"
+    return [sys.executable, "-c", code, "masks", *map(str, words)]
+
+
+@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("layout", [["--layout", "occ3d-nuscenes"], SMALL])
+def test_stopped_masks_are_taken_up(tmp_path, stop, layout) -> None:
+    """The process is stopped as soon as three frames are begun, at whatever it does then."""
+    drive = write_sequence(tmp_path / "sequences" / "00", 12, step_deg=2.0, distance_m=0.1)
+    out, whole = tmp_path / "out", tmp_path / "whole"
+    command = [*layout, "--later", "1"]
+    with subprocess.Popen(
+        program(drive, "--out", out, *command), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        while process.poll() is None and len(list(out.glob(".intervis-masks/*.json"))) < 3:
+            time.sleep(0.001)
+        process.send_signal(stop)
+        err = process.communicate()[1].decode()
+    there = files_below(out)
+    if process.returncode == 0:
+        pytest.skip("all masks were made before the process could be stopped")
+    if stop == signal.SIGINT:
+        assert process.returncode == 130
+        assert err == f"intervis: interrupted: the same command resumes the masks in {out}.\n"
+        assert not [name for name in there if name.endswith(".part")]
+    resumed = subprocess.run(program(drive, "--out", out, *command), capture_output=True, text=True)
+    assert resumed.returncode == 0, resumed.stderr
+    reused = int(re.search(r"Written by an earlier run: (\d+) of 12 frames\.", resumed.stdout)[1])
+    assert 2 <= reused < 12
+    assert exit_code(["masks", str(drive), "--out", str(whole), *command]) == 0
+    after = files_below(out)
+    assert {name: (out / name).read_bytes() for name in after} == {
+        name: (whole / name).read_bytes() for name in files_below(whole)
+    }
+    untouched = [name for name in there if after.get(name) == there[name]]
+    assert len(untouched) >= 2 * reused  # file and record
+
+
+def test_masks_made_again_are_told(sequence, tmp_path, capsys) -> None:
+    out = tmp_path / "m"
+    command = ["masks", str(sequence), "--out", str(out), *SMALL, "--no-cameras", "--later", "0"]
+    assert exit_code(command) == 0
+    first = capsys.readouterr().out
+    (out / "000001.npz").write_bytes(b"half")
+    picture = tmp_path / "m.png"
+    assert exit_code([*command, "--picture", str(picture)]) == 0
+    said = capsys.readouterr()
+    assert "note: frame 1 was made again: 000001.npz is damaged.\n" in said.err
+    assert "Written by an earlier run: 2 of 3 frames.\n" in said.out
+    assert picture.exists()
+    # What is told of the first frame is the same as before, for the picture it is made again.
+    assert set(first.splitlines()) < set(said.out.splitlines())
+    assert exit_code(command) == 0
+    assert "Written by an earlier run: 3 of 3 frames.\n" in capsys.readouterr().out
+
+
+def test_a_frame_that_fails_is_listed(tmp_path, capsys) -> None:
+    drive = write_sequence(tmp_path / "sequences" / "00", 3, step_deg=2.0)
+    scan = drive / "velodyne" / "000001.bin"
+    scan.write_bytes(scan.read_bytes()[:-3])
+    command = ["masks", str(drive), "--out", str(tmp_path / "m"), *SMALL, "--later", "0"]
+    assert exit_code(command) == 1
+    said = capsys.readouterr()
+    assert said.err.startswith("intervis: frame 1 failed: ")
+    assert said.err.count("\n") == 1
+    assert "3 frames" in said.out
+    assert (tmp_path / "m" / "000002.npz").exists()

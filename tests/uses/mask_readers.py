@@ -55,6 +55,21 @@ def rows_volume(rows: np.ndarray, shape: tuple[int, int, int], order: str) -> np
     return volume
 
 
+def flat_place(index: int, shape: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Voxel [x, y, z] of an index of OccNet and OpenScene: x runs fastest, then y, then z."""
+    z, rest = divmod(index, shape[0] * shape[1])
+    y, x = divmod(rest, shape[0])
+    return x, y, z
+
+
+def flat_rows_volume(rows: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
+    """Rows of index and class: a volume [x, y, z], -1 where none is."""
+    volume = np.full(shape, -1)
+    for index, label in rows.tolist():
+        volume[flat_place(index, shape)] = label
+    return volume
+
+
 def nuscenes_axes(volume: np.ndarray) -> np.ndarray:
     """A volume in x right, y ahead turned into x ahead, y left, voxel by voxel."""
     turned = np.empty((volume.shape[1], volume.shape[0], volume.shape[2]), volume.dtype)

@@ -224,10 +224,20 @@ def test_the_command(street: Path, tmp_path: Path, capsys) -> None:
 
 
 def test_a_drive_without_poses_is_told(tmp_path: Path, capsys) -> None:
-    drive = posed_street.write(tmp_path / "street", count=1)
+    drive = posed_street.write(tmp_path / "street", count=2)
     (drive / "poses.txt").unlink()
     assert exit_code(["agents", str(drive), "--labelled"]) == 2
     assert "street has no poses, which put its scans" in capsys.readouterr().err
+
+
+def test_one_scan_without_a_pose_has_agents_in_its_own_frame(tmp_path: Path, capsys) -> None:
+    drive = posed_street.write(tmp_path / "street", count=1)
+    (drive / "poses.txt").unlink()
+    (tmp_path / "agents.csv").write_text("name,x,y,z\nnear,4,0,0\n")
+    assert exit_code(["agents", str(drive), "--agents", str(tmp_path / "agents.csv")]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("street, 1 frame; coordinates in the frame of its scan.")
+    assert "scanner" in said
 
 
 @pytest.mark.realdata

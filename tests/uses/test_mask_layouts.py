@@ -6,8 +6,12 @@ import mask_readers as readers
 import numpy as np
 import pytest
 
+from intervis.camera import Camera
 from intervis.errors import OutputError
-from intervis.uses.voxels.mask_layouts import LAYOUTS, FrameName, layout_named, write_masks
+from intervis.transform import rigid
+from intervis.uses.voxels.camera_voxels import PosedCamera
+from intervis.uses.voxels.mask_layouts import LAYOUTS, FrameName, layout_named
+from intervis.uses.voxels.mask_record import write_frame
 from intervis.uses.voxels.masks import Masks
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 
@@ -34,14 +38,22 @@ def made_masks(labels: bool = True) -> Masks:
         lidar={"top": rng.random(SHAPE) < 0.5},
         camera={"front": rng.random(SHAPE) < 0.4, "back": rng.random(SHAPE) < 0.4},
         probability=rng.random(SHAPE).astype(np.float32),
+        posed={"front": camera_ahead()},
     )
 
 
+def camera_ahead() -> PosedCamera:
+    """A camera at (0, 1.3, 1) m that looks along x; 90 degrees wide, 60 high."""
+    axes = [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
+    projection = np.array([[50.0, 0, 50, 0], [0, 50, 29, 0], [0, 0, 1, 0]])
+    cam_from_grid = rigid(axes, np.negative(axes) @ [0.0, 1.3, 1.0])
+    return PosedCamera(Camera(projection, 100, 58), cam_from_grid)
+
+
 def files_of(tmp_path, layout: str, masks: Masks) -> dict:
-    return {
-        path.relative_to(tmp_path).as_posix(): path
-        for path in write_masks(tmp_path, layout_named(layout), NAME, masks)
-    }
+    contents = layout_named(layout).write(NAME, masks)
+    write_frame(tmp_path, NAME.number, "made from this", contents)
+    return {name: tmp_path / name for name in contents}
 
 
 def test_semantickitti(tmp_path) -> None:
@@ -102,6 +114,48 @@ def test_occ3d(tmp_path) -> None:
             assert arrays["mask_camera"][voxel] == seen
 
 
+def test_occ3d_waymo(tmp_path) -> None:
+    """Free is 23, as in the published files; infov is what the image shows or hides."""
+    masks = made_masks()
+    (name,) = files_of(tmp_path, "occ3d-waymo", masks)
+    assert name == "drive_1/007_04.npz"
+    with np.load(tmp_path / name, allow_pickle=False) as file:
+        arrays = {key: file[key] for key in file.files}
+    assert set(arrays) == {"voxel_label", "origin_voxel_state", "final_voxel_state", "infov"}
+    assert arrays["voxel_label"].dtype == np.uint8
+    for x, y, z in np.ndindex(SHAPE):
+        voxel = x, y, z
+        expected = masks.label[voxel] if masks.occupied[voxel] else 23
+        assert arrays["voxel_label"][voxel] == expected
+        assert arrays["origin_voxel_state"][voxel] == (masks.state[voxel] in (0, 1))
+        seen = masks.camera["front"][voxel] or masks.camera["back"][voxel]
+        assert arrays["final_voxel_state"][voxel] == seen
+        ahead, right, down = 0.5 * x + 0.25, 1.3 - (0.5 * y + 0.25), 1 - (0.5 * z + 0.25)
+        u, v = 50 * right / ahead + 50, 50 * down / ahead + 29
+        assert arrays["infov"][voxel] == (0 <= u < 100 and 0 <= v < 58)
+    assert 0 < arrays["infov"].mean() < 1
+
+
+@pytest.mark.parametrize("with_cameras", [True, False])
+def test_occnet(tmp_path, with_cameras) -> None:
+    masks = made_masks()
+    masks = masks if with_cameras else replace(masks, camera={})
+    files = files_of(tmp_path, "occnet", masks)
+    assert set(files) == {"drive_1/007_occ.npy", "drive_1/007_occ_invalid.npy"}
+    rows = np.load(files["drive_1/007_occ.npy"], allow_pickle=False)
+    invalid = np.load(files["drive_1/007_occ_invalid.npy"], allow_pickle=False)
+    assert rows.dtype.kind == invalid.dtype.kind == "i"
+    in_file = (SHAPE[1], SHAPE[0], SHAPE[2])
+    volume = readers.nuscenes_axes(readers.flat_rows_volume(rows, in_file))
+    np.testing.assert_array_equal(volume >= 0, masks.occupied)
+    np.testing.assert_array_equal(volume[masks.occupied], masks.label[masks.occupied])
+    hidden = np.zeros(in_file, bool)
+    for index in invalid.tolist():
+        hidden[readers.flat_place(index, in_file)] = True
+    seen = masks.mask_camera if with_cameras else masks.mask_lidar
+    np.testing.assert_array_equal(readers.nuscenes_axes(hidden), ~seen & ~masks.occupied)
+
+
 @pytest.mark.realdata
 def test_occ3d_is_written_as_the_published_file_is(shared_data, tmp_path) -> None:
     masks = made_masks()
@@ -156,7 +210,9 @@ def test_grids_are_those_of_the_benchmarks() -> None:
     assert kitti.size // 8 == 262_144
     assert 2 * kitti.size == 4_194_304
     np.testing.assert_allclose(LAYOUTS["occ3d-nuscenes"].grid.upper, [40, 40, 5.4])
+    np.testing.assert_allclose(LAYOUTS["occ3d-waymo"].grid.upper, [40, 40, 5.4])
     np.testing.assert_allclose(LAYOUTS["surroundocc"].grid.upper, [50, 50, 3])
+    np.testing.assert_allclose(LAYOUTS["occnet"].grid.upper, [50, 50, 3])
     np.testing.assert_allclose(LAYOUTS["openoccupancy"].grid.upper, [51.2, 51.2, 3])
 
 
@@ -166,14 +222,4 @@ def test_mistakes_are_told(tmp_path) -> None:
     masks = made_masks()
     large = replace(masks, label=np.where(masks.occupied, 300, 0).astype(np.uint16))
     with pytest.raises(OutputError, match=r"classes up to 255, and the labels go up to 300"):
-        write_masks(tmp_path, layout_named("occ3d-nuscenes"), NAME, large)
-
-
-def test_masks_are_not_written_through_a_link(tmp_path):
-    (tmp_path / "theirs").mkdir()
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "voxels").symlink_to(tmp_path / "theirs")
-    with pytest.raises(OutputError, match="voxels is a link"):
-        write_masks(out, LAYOUTS["semantickitti"], NAME, made_masks())
-    assert list((tmp_path / "theirs").iterdir()) == []
+        layout_named("occ3d-nuscenes").write(NAME, large)

@@ -1,5 +1,7 @@
 """Masks of a frame: cameras, scanners, added scans, moving things; each definition by a double."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,13 @@ from intervis.camera import Camera
 from intervis.errors import SettingsError
 from intervis.sight import Scene
 from intervis.transform import inverse, rigid, transform
-from intervis.uses.voxels.camera_voxels import PosedCamera, in_image, seen_by_pixels
+from intervis.uses.voxels import camera_voxels
+from intervis.uses.voxels.camera_voxels import (
+    PosedCamera,
+    in_image,
+    seen_by_lines,
+    seen_by_pixels,
+)
 from intervis.uses.voxels.masks import DEFINITIONS, PosedScan, masks_of
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 
@@ -73,6 +81,30 @@ def test_a_camera_beside_sees_other_voxels_than_the_scanner() -> None:
     assert left[tuple(behind_left)] or not masks.mask_lidar[tuple(behind_left)]
     assert (left & ~right).sum() > 50
     assert (right & ~left).sum() > 50
+
+
+def test_a_large_grid_is_seen_in_parts(monkeypatch) -> None:
+    scan = PosedScan(scan_of_street(), np.eye(4))
+    whole = masks_of(GRID, [scan], cameras={"front": camera(1.5)}).camera["front"]
+    monkeypatch.setattr(camera_voxels, "_VOXELS_PER_CALL", 700)  # the grid has 4,800
+    parts = masks_of(GRID, [scan], cameras={"front": camera(1.5)}).camera["front"]
+    np.testing.assert_array_equal(parts, whole)
+    assert whole.any()
+
+
+def test_memory_of_a_camera_grows_by_its_mask_only(monkeypatch) -> None:
+    """Twice the voxels take two bytes more for each; a line takes about a hundred."""
+    monkeypatch.setattr(camera_voxels, "_VOXELS_PER_CALL", 20_000)
+    scene, posed = Scene.from_scan(scan_of_street()), camera()
+    peaks_bytes = {}
+    for columns in (30, 30, 240):  # once to compile
+        grid = VoxelGrid([1.0, -2.0, -1.0], 0.05, (columns, 80, 40))
+        observed = np.ones(grid.shape, np.bool_)
+        tracemalloc.start()
+        seen_by_lines(grid, observed, posed, scene)
+        peaks_bytes[columns] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert peaks_bytes[240] - peaks_bytes[30] < 4 * (240 - 30) * 80 * 40
 
 
 def by_sampling(start: np.ndarray, end: np.ndarray) -> list[tuple[int, ...]]:

@@ -350,6 +350,8 @@ def test_a_lattice_along_a_route_and_within_a_polygon(scene: Scene) -> None:
         candidates_along(scene, far, 10.0)
     with pytest.raises(PointsError, match="more than 20,000: take them farther apart"):
         candidates_along(scene, route, 0.001)
+    with pytest.raises(SettingsError, match="the height of the mast must be 0 m or more, got -1"):
+        candidates_within(scene, [EAST], 4.0, mast_m=-1.0)
 
 
 def test_candidates_of_files(scene: Scene, tmp_path: Path) -> None:
@@ -386,6 +388,18 @@ def test_candidates_of_files(scene: Scene, tmp_path: Path) -> None:
         ("a.csv", "x,y\n1,2,3\n", CalibrationError, "a row has more values than the heading"),
         ("a.csv", "x,y\n", CalibrationError, "holds no candidates"),
         ("a.csv", "x,y\n999,0\n", SceneError, "candidate '1' lies 981 m from every scan"),
+        (
+            "a.csv",
+            "x,y,height\n1,9,-2\n",
+            CalibrationError,
+            "1: height is above the ground and must",
+        ),
+        (
+            "a.csv",
+            "x,y,z\n1,9,2\n1,9,-3\n",
+            SceneError,
+            "candidate '2' lies 3.0 m below the ground",
+        ),
         ("a.csv", "x;y\n1;2\n", CalibrationError, "separate the columns by commas, got 'x;y'"),
         ("a.csv", "x\ty\n1\t2\n", CalibrationError, "separate the columns by commas"),
         ("a.csv", "x,y,x\n1,2,3\n", CalibrationError, "two columns are called 'x'"),
@@ -414,6 +428,8 @@ def test_requests_that_make_no_sense(scene: Scene, found: Siting, tmp_path: Path
         best_sites(scene, CANDIDATES, demand, 9, reach=EVERYWHERE)
     with pytest.raises(PointsError, match="candidates must be 1 to 20,000 in number, got 0"):
         check_candidates_in_scene(scene, [])
+    with pytest.raises(SceneError, match=r"candidate .deep. lies 2\.0 m below the ground"):
+        coverage(scene, [CANDIDATES[0], Candidate("deep", [20, 0, -2])], demand, EVERYWHERE)
     with pytest.raises(PointsError, match="the place of candidate 'A' must be three finite"):
         Candidate("A", [0, 0, float("nan")])
     with pytest.raises(SettingsError, match="lines, and at most 50,000,000 are answered"):
@@ -516,6 +532,50 @@ def test_weights_and_lattices_of_the_command(square: Path, tmp_path: Path, capsy
     assert "+0 at 40 " in capsys.readouterr().out
     assert exit_code([*base, "--zones", str(square / "zones.geojson")]) == 0
     assert "+0 at 0 " in capsys.readouterr().out
+
+
+def test_one_scan_without_a_pose_is_a_scene_in_its_own_frame(
+    square: Path, tmp_path: Path, capsys
+) -> None:
+    """The scan at (6, 18), once with its pose, once without, everything else moved with it."""
+    at = np.array([6.0, 18.0, walled_square.HEIGHT_M])
+    scan = (square / "square" / "000004.bin").read_bytes()
+    answers = []
+    for name, moved in (("posed", 0.0), ("bare", 1.0)):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "000000.bin").write_bytes(scan)
+        if not moved:
+            (folder / "poses.txt").write_text(f"1 0 0 {at[0]} 0 1 0 {at[1]} 0 0 1 {at[2]}\n")
+        points = np.array([[x, y, 1.0] for x in range(-12, 13, 4) for y in range(4, 25, 4)]) + 0.3
+        places = np.array([one.place for one in CANDIDATES])
+        for file, rows in (("targets.csv", points), ("places.csv", places)):
+            text = "".join(",".join(map(str, row)) + "\n" for row in rows - moved * at)
+            (folder.parent / file).write_text(f"x,y,z\n{text}")
+        command = ["site", str(folder), "--targets", str(tmp_path / "targets.csv"), "-k", "2"]
+        command += ["--candidates", str(tmp_path / "places.csv"), "--scanner", "generic"]
+        command += ["--json", str(tmp_path / f"{name}.json")]
+        command += ["--picture", str(tmp_path / f"{name}.png")]
+        assert exit_code(command) == 0
+        frame = "its scan" if moved else "its poses"
+        assert f"1 scan; 4 candidates, 42 targets; coordinates in the frame of {frame}." in (
+            capsys.readouterr().out
+        )
+        answers.append(json.loads((tmp_path / f"{name}.json").read_text()))
+    posed, bare = answers
+    assert posed["sites"] == bare["sites"]
+    assert posed["value"] == pytest.approx(bare["value"], abs=0.01)
+    assert 0.2 < bare["value"] < 1.0
+
+
+def test_several_scans_without_poses_are_one_sentence(square: Path, tmp_path: Path, capsys) -> None:
+    for name in ("000000.bin", "000001.bin"):
+        (tmp_path / name).write_bytes((square / "square" / name).read_bytes())
+    command = ["site", str(tmp_path), "--zones", str(square / "zones.geojson"), "--along", "way"]
+    assert exit_code(command) == 2
+    assert "beside the scans, or choose one frame, which is then" in capsys.readouterr().err
+    assert exit_code([*command, "--frames", "0"]) == 2
+    assert "so it has no route of its own: give one as a file." in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,14 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import Source
-from intervis.cli.survey import Frames, Hz, Risk, SensorName, returns_above
+from intervis.cli.survey import (
+    Frames,
+    Hz,
+    Risk,
+    SensorName,
+    frame_of_coordinates,
+    returns_above,
+)
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -90,7 +97,8 @@ def agents(
     found = mutual_sight(
         scene, all_agents, numbers, time_s, risk=DEFAULT_RISK if risk is None else risk
     )
-    show(f"{drive.name}, {len(numbers)} frames; coordinates in the frame of its poses.")
+    frames_read = f"{len(numbers)} frame{'s' if len(numbers) != 1 else ''}"
+    show(f"{drive.name}, {frames_read}; coordinates {frame_of_coordinates(drive)}.")
     if len(all_agents) <= SHOWN_NAMES:
         show(matrix_table(found).as_text() + "\n")
     rows = pairs_of(found)

@@ -1,5 +1,7 @@
 """``intervis masks``: visibility masks of each frame, in the layouts of the benchmarks."""
 
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,16 +11,22 @@ from intervis.cli import options
 from intervis.cli.run import CameraName, Source
 from intervis.cli.sight import Point
 from intervis.cli.survey import Frames
-from intervis.cli.terminal import progress, show, tell
+from intervis.cli.terminal import InterruptedRunError, complain, progress, show, tell
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from intervis.arrays import BoolArray, Float64Array
     from intervis.drives import Drive
-    from intervis.uses.voxels.mask_layouts import FrameName, MaskLayout
+    from intervis.uses.voxels.drive_masks import MaskSettings
+    from intervis.uses.voxels.mask_layouts import MaskLayout
+    from intervis.uses.voxels.mask_run import MaskFrame, MaskRun
     from intervis.uses.voxels.masks import Masks
     from intervis.uses.voxels.voxel_grid import VoxelGrid
+
+    NumberedMasks = tuple[int, Masks]
+
+MOVING_LEFT_OUT = "left out; the tool keeps them, and so does --keep-moving"
 
 
 def masks(
@@ -29,7 +37,7 @@ def masks(
         typer.Option(
             metavar="NAME",
             help="semantickitti, sscbench-nuscenes, sscbench-kitti360, sscbench-waymo,"
-            " occ3d-nuscenes, surroundocc, openoccupancy, or npz.",
+            " occ3d-nuscenes, occ3d-waymo, surroundocc, occnet, openoccupancy, or npz.",
         ),
     ] = "semantickitti",
     definition: Annotated[
@@ -63,8 +71,8 @@ def masks(
         str | None,
         typer.Option(
             metavar="X,Y,Z",
-            help="Scanner in the vehicle's frame, metres, for occ3d-nuscenes; default: as the drive"
-            " says, or else nuScenes'.",
+            help="Scanner in the vehicle's frame, metres, for the layouts of Occ3D; default: as the"
+            " drive says, or else nuScenes' or Waymo's.",
         ),
     ] = None,
     corner: Annotated[
@@ -81,11 +89,11 @@ def masks(
         typer.Option(metavar="FILE.png|FILE.svg", help="Draw slices of the first grid."),
     ] = None,
     camera: CameraName = None,
-) -> None:
+) -> int:
     """Write which voxels are occupied, occluded, seen.
 
     The voxels around each frame, in the layouts of the benchmarks: occupied, occluded, invalid,
-    and seen by which camera.
+    and seen by which camera. The same command resumes an interrupted run.
     """
     frame_range = options.frame_range(frames)
     options.check_output_files({"--picture": picture}, [source, classes])
@@ -98,11 +106,9 @@ def masks(
         MaskSettings,
         drive_cameras,
         frame_masks,
-        later_frames,
         read_classes,
     )
-    from intervis.uses.voxels.mask_folder import check_folder, claim_folder
-    from intervis.uses.voxels.mask_layouts import write_masks
+    from intervis.uses.voxels.mask_run import MaskRun
 
     chosen = _layout(layout, definition, (corner, cell, shape))
     count = chosen.later if later is None else _whole("--later", later, 0)
@@ -117,38 +123,77 @@ def masks(
     with_cameras = cameras and chosen.has_cameras and definition != "semantickitti"
     only = camera is not None
     posed = drive_cameras(source, drive, only_selected=only) if with_cameras else {}
-    metadata = check_folder(out, drive, layout, settings, posed)
-    scans = sum(1 + len(later_frames(drive, number, count)) for number in numbers)
-    first: Masks | None = None
-    with progress("scans", scans + len(numbers)) as advance:
-        for number in numbers:
-            made = frame_masks(drive, number, settings, posed, advance)
-            if first is None:
-                claim_folder(out, metadata)
-            write_masks(out, chosen, _name(drive, number), made)
-            first = first or made
-            advance(f"frame {number}")
-    assert first is not None
-    fewer = sum(len(later_frames(drive, number, count)) < count for number in numbers)
+    run = MaskRun(drive, numbers, chosen, settings, posed)
+    done, masks = _written(run, out)
+    if picture is not None and (masks is None or masks[0] != numbers[0]):
+        masks = numbers[0], frame_masks(drive, numbers[0], settings, posed)
+    _show(run, done, masks, mounting)
+    show(f"Masks: {out}")
+    if picture is not None and masks is not None:
+        _draw(masks[1], settings, picture)
+    for frame in done:
+        if frame.failure:
+            complain(f"frame {frame.number} failed: {frame.failure}")
+    return 1 if any(frame.failure for frame in done) else 0
+
+
+def _written(run: "MaskRun", out: Path) -> "tuple[list[MaskFrame], NumberedMasks | None]":
+    """Write the masks: what became of each frame, and the masks of the first that was made."""
+    first, done = None, []
+    try:
+        with progress("scans", run.steps) as advance, closing(run.write(out, advance)) as frames:
+            for frame in frames:
+                if first is None and frame.masks is not None:
+                    first = frame.number, frame.masks
+                done.append(replace(frame, masks=None))  # one frame is held at a time
+    except KeyboardInterrupt:
+        if not done:
+            raise
+        raise InterruptedRunError(
+            f"interrupted: the same command resumes the masks in {out}."
+        ) from None
+    return done, first
+
+
+def _show(
+    run: "MaskRun", done: "list[MaskFrame]", masks: "NumberedMasks | None", mounting: str
+) -> None:
+    """Print what was written, and what the first masks hold."""
+    from intervis.uses.voxels.drive_masks import later_frames
+
+    drive, settings, count = run.drive, run.settings, run.settings.later
+    fewer = sum(len(later_frames(drive, number, count)) < count for number in run.numbers)
     if fewer:
         have = "target has" if fewer == 1 else "targets have"
         tell(f"note: near the end of the drive, {fewer} {have} fewer than {count} later frames.")
-    frame_count = f"{len(numbers)} frame{'s' if len(numbers) != 1 else ''}"
-    show(f"Drive {drive.name}, {frame_count}; layout {layout}, definition {definition}.")
+    for frame in done:
+        if frame.remade:
+            tell(f"note: frame {frame.number} was made again: {frame.remade}")
+    frame_count = f"{len(done)} frame{'s' if len(done) != 1 else ''}"
+    show(
+        f"Drive {drive.name}, {frame_count}; layout {run.layout.name}, definition"
+        f" {settings.definition}."
+    )
+    reused = sum(frame.reused for frame in done)
+    if reused:
+        show(f"Written by an earlier run: {reused} of {frame_count}.")
     if mounting:
         show(mounting)
-    if count and first.label is not None:
-        kept = "kept" if keep_moving else "left out; the tool keeps them, and so does --keep-moving"
+    if masks is None:
+        return
+    if count and masks[1].label is not None:
+        kept = "kept" if settings.keep_moving else MOVING_LEFT_OUT
         show(f"Moving things of later frames, by their labels: {kept}.")
-    show(_shares(numbers[0], first))
-    show(f"Masks: {out}")
-    if picture is not None:
-        from intervis.plots.style import save_figure
-        from intervis.uses.voxels.mask_figure import mask_picture
+    show(_shares(*masks))
 
-        figure = mask_picture(first, scanner_m=float(settings.grid_from_velo[2, 3]))
-        save_figure(figure, picture, picture.suffix[1:].lower())
-        show(f"Picture: {picture}")
+
+def _draw(masks: "Masks", settings: "MaskSettings", picture: Path) -> None:
+    from intervis.plots.style import save_figure
+    from intervis.uses.voxels.mask_figure import mask_picture
+
+    figure = mask_picture(masks, scanner_m=float(settings.grid_from_velo[2, 3]))
+    save_figure(figure, picture, picture.suffix[1:].lower())
+    show(f"Picture: {picture}")
 
 
 def _whole(option: str, number: int, least: int) -> int:
@@ -163,8 +208,6 @@ def _layout(
     name: str, definition: str, grid: tuple[str | None, float | None, str | None]
 ) -> "MaskLayout":
     """The layout of that name, with the grid of the options."""
-    from dataclasses import replace
-
     from intervis.errors import SettingsError
     from intervis.uses.voxels.mask_layouts import layout_named
     from intervis.uses.voxels.masks import DEFINITIONS
@@ -232,17 +275,12 @@ def _mounting(
         pose, whose = drive.ego_from_velo, "as the drive says"
     else:
         pose = rigid(np.eye(3), layout.lidar_in_ego_m)
-        whose = "that of nuScenes, assumed because the drive says none: --lidar-at gives another"
+        whose = (
+            f"that of {layout.vehicle}, assumed because the drive says none: --lidar-at gives"
+            " another"
+        )
     place = ", ".join(f"{value:.2f}" for value in pose[:3, 3])
     return pose, f"Scanner at ({place}) m in the vehicle's frame, {whose}."
-
-
-def _name(drive: "Drive", number: int) -> "FrameName":
-    from intervis.uses.voxels.mask_layouts import FrameName
-
-    path = drive.scan_paths[number]
-    alone = sum(other == path for other in drive.scan_paths.values()) == 1
-    return FrameName(drive.name, number, path.name if alone else f"{number:06d}")
 
 
 def _shares(number: int, masks: "Masks") -> str:

@@ -7,7 +7,13 @@ import typer
 
 from intervis.cli import options
 from intervis.cli.run import Source
-from intervis.cli.survey import Frames, Risk, SensorName, returns_above
+from intervis.cli.survey import (
+    Frames,
+    Risk,
+    SensorName,
+    frame_of_coordinates,
+    returns_above,
+)
 from intervis.cli.terminal import progress, show
 
 if TYPE_CHECKING:
@@ -311,9 +317,8 @@ def _show(found: "Siting", drive: "Drive", scans: int) -> None:
     things = {size: name for name, size in OBJECTS.items()}
     counts = {"scan": scans, "candidate": len(covered.candidates), "target": len(found.state)}
     parts = [f"{count:,} {what}{'s' if count != 1 else ''}" for what, count in counts.items()]
-    show(
-        f"{drive.name}, {parts[0]}; {', '.join(parts[1:])}; coordinates in the frame of its poses."
-    )
+    where = frame_of_coordinates(drive)
+    show(f"{drive.name}, {parts[0]}; {', '.join(parts[1:])}; coordinates {where}.")
     show(site_table(found).as_text())
     if len(covered.demand.zones) > 1:
         show("\n" + zone_table(found).as_text())

@@ -110,22 +110,27 @@ def read_survey(
     return survey
 
 
+def frame_of_coordinates(drive: "Drive") -> str:
+    """Whose frame the coordinates of a scene of the drive are in, for messages."""
+    return "in the frame of its poses" if drive.poses else "in the frame of its scan"
+
+
 def returns_above(drive: "Drive", numbers: "Sequence[int]") -> "Float64Array":
     """(N, 3) returns of some of the frames, for pictures; frame of the poses, metres."""
     import numpy as np
 
     from intervis.arrays import finite_rows
     from intervis.transform import transform
+    from intervis.uses.routes.survey import poses_in_scene
 
     every = max(1, -(-len(numbers) // SHOWN_SCANS))
     parts = []
-    for number in numbers[::every]:
+    for number, pose in poses_in_scene(drive, numbers[::every]).items():
         frame = drive[number]
-        assert frame.pose is not None  # as the scene has checked
         points = frame.points[finite_rows(frame.points), :3]
         parts.append(
             transform(
-                frame.pose,
+                pose,
                 points[:: max(1, len(points) * min(len(numbers), SHOWN_SCANS) // SHOWN_RETURNS)],
             )
         )

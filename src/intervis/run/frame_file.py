@@ -1,7 +1,6 @@
 """The result of one frame as a file: plain arrays, no pickle, written atomically."""
 
 import dataclasses
-import hashlib
 import io
 import json
 import tomllib
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from intervis.arrays import digest_of
 from intervis.errors import OutputError, SettingsError
 from intervis.files import write_whole
 from intervis.result_table import result_table
@@ -114,14 +114,9 @@ def frame_fingerprint(
     Points, pose, camera, number and time of the frame, the settings and the viewpoint of the run,
     and what its sight lines depend on, if they are asked.
     """
-    digest = hashlib.blake2b(digest_size=16)
     run = [FORMAT, settings.model_dump(mode="json"), viewpoint, *sight]
-    digest.update(json.dumps(run, sort_keys=True, default=str).encode())
-    for name, array in {**_arrays_of_frame(frame), "points": frame.points}.items():
-        array = np.ascontiguousarray(array)
-        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        digest.update(array.data)
-    return digest.hexdigest()
+    arrays = {**_arrays_of_frame(frame), "points": frame.points}
+    return digest_of(json.dumps(run, sort_keys=True, default=str), arrays)
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,7 +141,7 @@ def march(
             reduce_depths(samples, depths, n, total, parameters.surface_from_m)
             accumulate(samples, places, n, total, depth_log_odds, weights[n])
             if n == 0:
-                compute_heights(ground, position, a, b, batch)
+                compute_heights(ground, scans.level_from_scene, position, a, b, batch)
             else:
                 keep_depths(samples, lines, offsets, count, n)
         _find_heights(samples, places, total, parameters, len(height_log_odds))

@@ -23,9 +23,9 @@ class PackedScans(NamedTuple):
 
     `pixels` holds the range images one after another, column by column; that of scan k starts at
     `offset[k]`. `sensor_from_scene` is (S, 3, 4), `position` (S, 3) the sensors' positions in the
-    scene, `ground` (S, G, G) the ground maps. `age_cost_m` is added to a scan's distance for its
-    time offset; `time_offset_s` is scan time minus query time. Without a query time they are 0 and
-    NaN.
+    scene, `ground` (S, G, G) the ground maps, in axes of which the third is up: `level_from_scene`
+    (3, 3) turns the scene's axes into them. `age_cost_m` is added to a scan's distance for its time
+    offset; `time_offset_s` is scan time minus query time. Without a query time they are 0 and NaN.
     """
 
     pixels: Int16Array
@@ -38,6 +38,7 @@ class PackedScans(NamedTuple):
     sensor_from_scene: Float64Array
     position: Float64Array
     ground: Float32Array
+    level_from_scene: Float64Array
     age_cost_m: Float64Array
     time_offset_s: Float64Array
 

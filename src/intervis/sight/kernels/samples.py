@@ -41,6 +41,8 @@ from intervis.sight.kernels.parameters import Parameters
 from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 from intervis.sight.kernels.terrain import BORDER_M, CELL_M, CELLS
 
+_Row = tuple[float, float, float]
+
 
 @kernel
 def clamped(value: float, most: float) -> float:
@@ -176,23 +178,41 @@ def accumulate(
 
 
 @kernel
+def _rows(rotation: Float64Array) -> tuple[_Row, _Row, _Row]:
+    """The rows of a rotation as scalars."""
+    return (
+        (rotation[0, 0], rotation[0, 1], rotation[0, 2]),
+        (rotation[1, 0], rotation[1, 1], rotation[1, 2]),
+        (rotation[2, 0], rotation[2, 1], rotation[2, 2]),
+    )
+
+
+@kernel
 def compute_heights(
     ground: Float32Array,
+    level_from_scene: Float64Array,
     sensor_position: Float64Array,
     first: Float64Array,
     second: Float64Array,
     batch: Batch,
 ) -> None:
-    """Heights of the samples above the nearest scan's ground; `ground` holds all ground maps."""
+    """Heights of the samples above the nearest scan's ground; `ground` holds all ground maps.
+
+    `level_from_scene` (3, 3) turns the scene's axes into those of the ground maps.
+    """
     samples, places = batch.samples, batch.places
     offsets, chosen, count = batch.offsets, batch.chosen, len(first)
     per_m, half = 1.0 / CELL_M, 0.5 * CELLS * CELL_M + BORDER_M
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = _rows(level_from_scene)
     for i in range(count):
         begin, end = offsets[i, 0], offsets[i, 2]
         place, height = places[PLACE, begin:end], samples[HEIGHT, begin:end]
         a, b, sensor = first[i], second[i], sensor_position[chosen[i, 0]]
-        u0, v0, w0 = a[0] - sensor[0] + half, a[1] - sensor[1] + half, a[2] - sensor[2]
-        du, dv, dw = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        x, y, z = a[0] - sensor[0], a[1] - sensor[1], a[2] - sensor[2]
+        dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        u0, du = xx * x + xy * y + xz * z + half, xx * dx + xy * dy + xz * dz
+        v0, dv = yx * x + yy * y + yz * z + half, yx * dx + yy * dy + yz * dz
+        w0, dw = zx * x + zy * y + zz * z, zx * dx + zy * dy + zz * dz
         position = samples[POSITION, begin:end]
         before = float(chosen[i, 0]) * CELLS
         for m in range(padded_count(begin, end)):

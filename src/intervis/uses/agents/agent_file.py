@@ -12,7 +12,7 @@ from intervis.errors import CalibrationError, DriveError, PointsError
 from intervis.sight import Scene
 from intervis.transform import rigid
 from intervis.uses.agents.mutual_sight import Agent
-from intervis.uses.routes.survey import distance_to_scans
+from intervis.uses.routes.survey import distance_to_scans, poses_in_scene
 from intervis.uses.routes.target_file import FARTHEST_M, cell_number, read_rows
 
 COLUMNS = (
@@ -123,11 +123,7 @@ def scanner_agent(drive: Drive, frames: Sequence[int], name: str = "scanner") ->
     DriveError
         A frame has no pose.
     """
-    poses = drive.poses or {}
-    missing = [number for number in frames if number not in poses]
-    if missing:
-        raise DriveError(f"frame {missing[0]} of {drive.name} has no pose.")
-    return Agent(name, {number: poses[number] for number in frames})
+    return Agent(name, poses_in_scene(drive, frames))
 
 
 def labelled_agents(
@@ -158,18 +154,15 @@ def labelled_agents(
     places: dict[str, dict[int, Float64Array]] = {}
     bodies: dict[str, Float64Array] = {}
     wanted = {category.lower() for category in categories}
-    for number in frames:
-        frame = drive[number]
-        if frame.pose is None:
-            raise DriveError(f"frame {number} of {drive.name} has no pose.")
-        for nth, box in enumerate(frame.boxes):
+    for number, pose in poses_in_scene(drive, frames).items():
+        for nth, box in enumerate(drive[number].boxes):
             if wanted and box.category.lower() not in wanted:
                 continue
             track = f"{box.track}"[:8] if box.track else f"{number}.{nth}"
             name = f"{box.category} {track}"
             eye_m = (EYE_SHARE - 0.5) * box.size_m[2]
             eye = rigid(np.eye(3), [0.0, 0.0, eye_m])
-            places.setdefault(name, {})[number] = frame.pose @ box.velo_from_box @ eye
+            places.setdefault(name, {})[number] = pose @ box.velo_from_box @ eye
             half = 0.5 * np.asarray(box.size_m)
             bodies[name] = np.array([[*-half[:2], -half[2] - eye_m], [*half[:2], half[2] - eye_m]])
     return [

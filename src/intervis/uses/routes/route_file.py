@@ -40,7 +40,10 @@ def route_of_drive(drive: Drive, scans_per_s: float | None = None) -> Route:
     poses = drive.poses or {}
     numbers = [number for number in drive.frame_numbers if number in poses]
     if len(numbers) < 2:
-        raise DriveError(f"{drive.name} has poses for fewer than two frames: it has no route.")
+        raise DriveError(
+            f"{drive.name} has poses for fewer than two frames, so it has no route of its own: give"
+            " one as a file."
+        )
     time_s = frame_times_s(drive, numbers, scans_per_s)
     places = np.array([poses[number][:3, 3] for number in numbers])
     return Route.through(places, time_s=time_s)

@@ -111,9 +111,8 @@ def _draw_over_image(
     blocker: Float64Array,
 ) -> None:
     """Objects and blocker over the image of the frame, whose camera is near the eye."""
-    assert frame.pose is not None
     draw_image(axes, frame)
-    velo_from_scene = inverse(frame.pose)
+    velo_from_scene = np.eye(4) if frame.pose is None else inverse(frame.pose)  # one scan alone
     pixels, ahead = pixels_of(frame, transform(velo_from_scene, objects))
     _draw_states(axes, pixels, state[ahead], 12.0)
     if np.isfinite(blocker).all():

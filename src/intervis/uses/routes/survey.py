@@ -130,6 +130,8 @@ def scene_of_drive(
 ) -> Scene:
     """A scene of frames of a drive, in the frame of its poses.
 
+    One frame of a drive without poses is a scene in the frame of its own scanner.
+
     Parameters
     ----------
     drive, scans_per_s, sensor, max_bytes, progress
@@ -144,19 +146,19 @@ def scene_of_drive(
     DriveError, SceneError
         As `survey_of`.
     """
-    chosen = spaced(drive, list(numbers), 0.0)
+    chosen = list(numbers)
+    poses = poses_in_scene(drive, chosen)
     time_s = frame_times_s(drive, chosen, scans_per_s)
     scene = Scene(sensor=sensor, max_scans=len(chosen), max_bytes=max_bytes)
     report = reporter(progress)
     for nth, number in enumerate(chosen):
-        frame = drive[number]
-        assert frame.pose is not None  # as spaced has checked
-        scene.add(frame.points, frame.pose, None if time_s is None else float(time_s[nth]))
+        frame, pose = drive[number], poses[number]
+        scene.add(frame.points, pose, None if time_s is None else float(time_s[nth]))
         if nth == 0:
             _check_memory(scene.bytes * len(chosen), len(chosen), max_bytes)
         if use is not None:
             points = frame.points[finite_rows(frame.points), :3]
-            use(transform(frame.pose, points), frame.pose[:3, 3])
+            use(transform(pose, points), pose[:3, 3])
         report(f"frame {number}")
     return scene
 
@@ -166,23 +168,48 @@ def has_times(scene: Scene) -> bool:
     return not bool(np.isnan(scene.timestamps_s).any())
 
 
-def spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
-    """Numbers of the frames that lie a distance apart along the drive."""
-    spacing_m = finite_number("the spacing of scans", spacing_m, "metres")
-    if spacing_m < 0.0:
-        raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m:g}.")
+def poses_in_scene(drive: Drive, numbers: Sequence[int]) -> dict[int, Float64Array]:
+    """Poses (4, 4) of frames in the scene that they make, by number: scene from sensor.
+
+    Those of the drive. One frame of a drive without poses is a scene in its own frame.
+
+    Raises
+    ------
+    DriveError
+        No frame is given, or one has no pose and is not alone in a drive without poses.
+    """
     if not numbers:
         raise DriveError("a scene needs one frame at least: choose some.")
     poses = drive.poses or {}
+    if not poses and len(numbers) == 1:
+        return {numbers[0]: np.eye(4)}
     if not poses:
         raise DriveError(
             f"{drive.name} has no poses, which put its scans into one scene: put a poses.txt beside"
-            " the scans."
+            " the scans, or choose one frame, which is then a scene in its own frame."
         )
-    kept: list[int] = []
     for number in numbers:
         if number not in poses:
             raise DriveError(f"frame {number} of {drive.name} has no pose: leave it out.")
+    return {number: poses[number] for number in numbers}
+
+
+def spaced(drive: Drive, numbers: list[int], spacing_m: float) -> list[int]:
+    """Numbers of the frames that lie a distance apart along the drive.
+
+    Raises
+    ------
+    DriveError
+        As `poses_in_scene`.
+    SettingsError
+        The spacing is negative or not finite.
+    """
+    spacing_m = finite_number("the spacing of scans", spacing_m, "metres")
+    if spacing_m < 0.0:
+        raise SettingsError(f"the spacing of scans must be 0 or more metres, got {spacing_m:g}.")
+    poses = poses_in_scene(drive, numbers)
+    kept: list[int] = []
+    for number in numbers:
         place = poses[number][:3, 3]
         if not kept or np.linalg.norm(place - poses[kept[-1]][:3, 3]) >= spacing_m:
             kept.append(number)
@@ -314,7 +341,7 @@ def classes_of(drive: Drive, survey: Survey, points: Float64Array) -> tuple[str,
     known = np.flatnonzero(np.isfinite(points).all(axis=1))
     if drive.read_boxes is None or not len(known):
         return tuple(words)
-    poses = [(drive.poses or {})[number] for number in survey.frames]
+    poses = list(poses_in_scene(drive, survey.frames).values())
     _, nearest = cKDTree([pose[:3, 3] for pose in poses]).query(points[known])
     for nth in np.unique(nearest).tolist():
         frame = drive[survey.frames[nth]]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from intervis.arrays import Float64Array, checked_point
-from intervis.errors import PointsError, SceneError
+from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight import Scene
 from intervis.sight.query_checks import finite_number, positive_length
 from intervis.uses.routes.route import Route
@@ -19,6 +19,8 @@ from intervis.uses.routes.zone import GROUND_SCANS, Zone
 MAST_M = 5.0
 """Height of a mast above the ground, unless told."""
 MOST_CANDIDATES = 20_000
+ROUGH_GROUND_M = 0.5
+"""A candidate may lie so far below the ground that the scans show, a mean over a square metre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,8 @@ def candidates_along(
     SceneError
         None is left.
     SettingsError
-        `every_m` is not positive, or a height or an offset is not finite.
+        `every_m` is not positive, an offset is not finite, or the height of the mast is negative or
+        not finite.
     PointsError
         There are too many.
     """
@@ -122,6 +125,8 @@ def _on_masts(
     scene: Scene, names: Sequence[str], xy: Float64Array, mast_m: float
 ) -> list[Candidate]:
     mast_m = finite_number("the height of the mast", mast_m, "metres")
+    if mast_m < 0.0:
+        raise SettingsError(f"the height of the mast must be 0 m or more, got {mast_m:g}.")
     if len(xy) > MOST_CANDIDATES:
         raise PointsError(
             f"{len(xy):,} candidates are more than {MOST_CANDIDATES:,}: take them farther apart."
@@ -137,12 +142,13 @@ def _on_masts(
 
 
 def check_candidates_in_scene(scene: Scene, candidates: Sequence[Candidate]) -> None:
-    """Raise where candidates lie outside of the scene, or two have one name.
+    """Raise where candidates lie outside of the scene or below its ground, or two have one name.
 
     Raises
     ------
     SceneError
-        One is farther than 150 m from every scan; the message names it.
+        One is farther than 150 m from every scan, or lies more than `ROUGH_GROUND_M` below the
+        ground; the message names it.
     PointsError
         Two have one name, or there is none or too many.
     """
@@ -150,13 +156,22 @@ def check_candidates_in_scene(scene: Scene, candidates: Sequence[Candidate]) -> 
         raise PointsError(
             f"candidates must be 1 to {MOST_CANDIDATES:,} in number, got {len(candidates):,}."
         )
-    away_m = distance_to_scans(scene, np.array([one.place for one in candidates]))
+    places = np.array([one.place for one in candidates])
+    away_m = distance_to_scans(scene, places)
     if (away_m > FARTHEST_M).any():
         nth = int(np.argmax(away_m > FARTHEST_M))
         raise SceneError(
             f"candidate {candidates[nth].name!r} lies {away_m[nth]:,.0f} m from every scan, and"
             f" {FARTHEST_M:g} m are allowed: give its place in the frame of the drive's poses, or"
             " leave it out."
+        )
+    above_m = places[:, 2] - scene.ground_height(places[:, :2], GROUND_SCANS)
+    if (above_m < -ROUGH_GROUND_M).any():  # nor is NaN, where the scans show no ground
+        nth = int(np.argmax(above_m < -ROUGH_GROUND_M))
+        raise SceneError(
+            f"candidate {candidates[nth].name!r} lies {-above_m[nth]:.1f} m below the ground that"
+            " the scans show: give its z in the frame of the drive's poses, or its height above the"
+            " ground."
         )
     seen: set[str] = set()
     for one in candidates:

@@ -32,9 +32,10 @@ def read_candidates(path: Path, scene: Scene, mast_m: float = MAST_M) -> list[Ca
     DriveError
         There is no such file, or it is none of these.
     CalibrationError
-        A value is no number, or a row has no x or y.
+        A value is no number, a row has no x or y, or a height is negative.
     SceneError
-        The scene shows no ground below a candidate without z, or a candidate lies outside of it.
+        The scene shows no ground below a candidate without z, or a candidate lies outside of it or
+        below its ground.
     PointsError
         As `Candidate`; or two have one name.
     """
@@ -91,6 +92,11 @@ def _numbers_of(path: Path, nth: int, row: Mapping[str, Any]) -> dict[str, float
     values = {key: value for key, value in cells.items() if value is not None}
     if not {"x", "y"} <= set(values):
         raise CalibrationError(f"{path}, candidate {nth}: it needs x and y in metres.")
+    if values.get("height", 0.0) < 0.0:
+        raise CalibrationError(
+            f"{path}, candidate {nth}: height is above the ground and must be 0 m or more, got"
+            f" {values['height']:g}; z takes a height in the frame of the drive's poses."
+        )
     return values
 
 

@@ -12,6 +12,7 @@ from intervis.errors import DriveError, PointsError, SceneError, SettingsError
 from intervis.sight import Scene
 from intervis.sight.query_checks import finite_number, positive_length
 from intervis.transform import transform
+from intervis.uses.routes.survey import poses_in_scene
 from intervis.uses.routes.zone import Zone
 
 USER_RADIUS_M = 2.0
@@ -167,21 +168,18 @@ def weighted_by_users(
 
 
 def labelled_users(drive: Drive, numbers: Sequence[int]) -> Float64Array:
-    """Middles (U, 3) of the labelled boxes of frames, frame of the poses, metres.
+    """Middles (U, 3) of the labelled boxes of the frames of a scene, scene frame, metres.
 
     An object counts once in every frame that shows it, so long stays weigh more.
 
     Raises
     ------
     DriveError
-        A frame has no pose, there are no labelled objects, or the labels cannot be read.
+        There are no labelled objects, the labels cannot be read, or as `poses_in_scene`.
     """
     places = []
-    for number in numbers:
-        frame = drive[number]
-        if frame.pose is None:
-            raise DriveError(f"frame {number} of {drive.name} has no pose.")
-        places += [transform(frame.pose, box.velo_from_box[:3, 3]) for box in frame.boxes]
+    for number, pose in poses_in_scene(drive, numbers).items():
+        places += [transform(pose, box.velo_from_box[:3, 3]) for box in drive[number].boxes]
     if not places:
         raise DriveError(
             f"{drive.name} has no labelled objects in these frames: give the road users' places as"

@@ -33,6 +33,8 @@ AROUND_M = 8.0
 ASPECTS = (0.3, 1.1)
 """Least and largest ratio of height and width."""
 FILL_PT2 = 2.2
+OVERLAP = 1.12
+"""Edge of a square by the distance of targets: without overlap gaps show between fine cells."""
 FRAME_IN = 1.4
 """Title, axis and legend: with less the layout does not settle, and the title is cut."""
 LEGEND_COLUMNS = 3
@@ -105,14 +107,22 @@ def _draw_targets(axes: Any, found: Siting, inches_per_m: float) -> None:
     worst = np.full(len(columns), len(order) - 1)
     np.minimum.at(worst, member.reshape(-1), badness)
     spacing_m = _spacing(columns)
-    size = max((72.0 * inches_per_m * spacing_m) ** 2, FILL_PT2)
+    size = max((72.0 * inches_per_m * OVERLAP * spacing_m) ** 2, FILL_PT2)
     unit = "" if np.ptp(weight) < 0.1 * weight.max() else " of the weight"
     for state, colour in COLOURS.items():
         share = float(weight[found.state == state].sum())
         label = f"{STATES[state]}, {100 * share:.0f} %{unit}"
         here = columns[worst == order.index(state)]
         if share > 0.0 or len(here):
-            dots(axes, here, s=size, marker="s", color=colour, alpha=0.8, label=label, zorder=1)
+            look = {"s": size, "marker": "s", "zorder": 1}
+            dots(axes, here, color=_light(colour), label=label, **look)
+
+
+def _light(colour: str) -> Any:
+    """The colour on white paper, so that returns stand out; not transparent, as squares overlap."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(1.0 - 0.8 * (1.0 - np.array(to_rgb(colour))))
 
 
 def _spacing(columns: Float64Array) -> float:

@@ -10,7 +10,7 @@ from intervis.plots.tables import Table
 from intervis.uses.sites.coverage import STATES
 from intervis.uses.sites.siting import Siting
 
-COORDINATES = "metres in the frame of the drive's poses"
+COORDINATES = "metres in the frame of the drive's poses, or of its one scan"
 
 
 def site_table(found: Siting) -> Table:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from intervis.arguments import object_of
-from intervis.arrays import BoolArray, Float64Array, UInt8Array
+from intervis.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from intervis.camera import Camera
 from intervis.kernels import in_parts
 from intervis.sight import Scene
@@ -18,6 +18,7 @@ from intervis.uses.voxels.voxel_grid import VoxelGrid
 NEAREST_M = 0.1
 """Depth from which on a voxel's centre is in the image."""
 _LINES_PER_THREAD, _ROWS_PER_CALL = 4096, 64
+_VOXELS_PER_CALL = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,20 @@ def in_image(posed: PosedCamera, points: Float64Array) -> BoolArray:
     return np.asarray(inside)
 
 
+def in_view(grid: VoxelGrid, posed: PosedCamera) -> BoolArray:
+    """Which voxels (I, J, K) have their centre in the image of a camera, hidden or not."""
+    inside = np.empty(grid.size, np.bool_)
+    for begin in range(0, grid.size, _VOXELS_PER_CALL):
+        stop = min(begin + _VOXELS_PER_CALL, grid.size)
+        inside[begin:stop] = in_image(posed, _centres_of(grid, np.arange(begin, stop)))
+    return inside.reshape(grid.shape)
+
+
+def _centres_of(grid: VoxelGrid, voxel: IntArray) -> Float64Array:
+    """Centres (N, 3) of voxels (N,), counted in C order."""
+    return grid.centre_of(np.stack(np.unravel_index(voxel, grid.shape), axis=-1))
+
+
 def seen_by_lines(
     grid: VoxelGrid, observed: BoolArray, posed: PosedCamera, scene: Scene
 ) -> BoolArray:
@@ -62,12 +77,14 @@ def seen_by_lines(
     Their centres lie in the image, and the sight line from the camera to the centre is visible
     (`intervis.Scene.sight`). A surface within 0.4 m of the centre does not occlude it.
     """
-    index = np.argwhere(observed)
-    index = index[in_image(posed, grid.centre_of(index))]
-    visible = scene.sight(posed.centre, grid.centre_of(index)).visible
-    seen = np.zeros(grid.shape, np.bool_)
-    seen[tuple(index[visible].T)] = True
-    return seen
+    seen, of_each = np.zeros(grid.size, np.bool_), observed.reshape(-1)
+    for begin in range(0, grid.size, _VOXELS_PER_CALL):  # a line takes 100 times a voxel's memory
+        voxel = begin + np.flatnonzero(of_each[begin : begin + _VOXELS_PER_CALL])
+        centre = _centres_of(grid, voxel)
+        inside = in_image(posed, centre)
+        visible = scene.sight(posed.centre, centre[inside]).visible
+        seen[voxel[inside][visible]] = True
+    return seen.reshape(grid.shape)
 
 
 def seen_by_pixels(grid: VoxelGrid, state: UInt8Array, posed: PosedCamera) -> UInt8Array:

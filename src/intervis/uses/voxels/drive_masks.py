@@ -4,6 +4,7 @@ from __future__ import annotations  # help() shows the names of the array types
 
 import json
 import os
+from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -137,7 +138,8 @@ def frame_masks(
 
 def later_frames(drive: Drive, number: int, count: int) -> tuple[int, ...]:
     """The next frames of a drive after a frame; fewer at its end."""
-    return tuple(other for other in drive.frame_numbers if other > number)[:count]
+    begin = bisect_right(drive.frame_numbers, number)
+    return tuple(drive.frame_numbers[begin : begin + count])
 
 
 def _scans_of(now: Frame, settings: MaskSettings) -> list[PosedScan]:

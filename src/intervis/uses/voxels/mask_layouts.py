@@ -9,15 +9,12 @@ from __future__ import annotations  # help() shows the names of the array types
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intervis.errors import OutputError
-from intervis.files import write_bytes
-from intervis.output_folder import refuse_links_below
 from intervis.uses.voxels.masks import Masks
 from intervis.uses.voxels.voxel_grid import VoxelGrid
 from intervis.uses.voxels.voxelizer import LATER_SCANS
@@ -26,6 +23,10 @@ OCC3D_FREE = 17
 """Occ3D-nuScenes' class of free voxels."""
 LIDAR_IN_NUSCENES_EGO_M = (0.943713, 0.0, 1.84023)
 """Where the LiDAR of nuScenes stands in the vehicle's frame, metres."""
+WAYMO_FREE = 23
+"""Occ3D-Waymo's class of free voxels, as its files hold it."""
+LIDAR_IN_WAYMO_VEHICLE_M = (1.43, 0.0, 2.184)
+"""Where the top LiDAR of Waymo's cars stands in the vehicle's frame, metres."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,8 @@ class MaskLayout:
         Whether it holds masks of cameras.
     lidar_in_ego_m : three floats or None
         Place of the scanner in the vehicle's frame.
+    vehicle : str
+        Whose that place is.
     """
 
     name: str
@@ -68,6 +71,7 @@ class MaskLayout:
     later: int = 0
     has_cameras: bool = True
     lidar_in_ego_m: tuple[float, float, float] | None = None
+    vehicle: str = "nuScenes"
 
 
 def _bits(mask: NDArray[Any]) -> bytes:
@@ -127,15 +131,30 @@ def _sscbench_waymo(name: FrameName, masks: Masks) -> dict[str, bytes]:
     return {f"voxels/{name.number:03d}.npz": _npz(**arrays)}
 
 
-def _occ3d(name: FrameName, masks: Masks) -> dict[str, bytes]:
-    semantics = np.full(masks.grid.shape, OCC3D_FREE, np.uint8)
+def _semantics(masks: Masks, free: int) -> NDArray[np.uint8]:
+    """Class of each voxel (I, J, K)."""
+    semantics = np.full(masks.grid.shape, free, np.uint8)
     semantics[masks.occupied] = _classes(masks)
+    return semantics
+
+
+def _occ3d_nuscenes(name: FrameName, masks: Masks) -> dict[str, bytes]:
     content = _npz(
-        semantics=semantics,
+        semantics=_semantics(masks, OCC3D_FREE),
         mask_lidar=masks.mask_lidar.astype(np.uint8),
         mask_camera=masks.mask_camera.astype(np.uint8),
     )
     return {f"gts/{name.drive}/{name.number:06d}/labels.npz": content}
+
+
+def _occ3d_waymo(name: FrameName, masks: Masks) -> dict[str, bytes]:
+    content = _npz(
+        voxel_label=_semantics(masks, WAYMO_FREE),
+        origin_voxel_state=masks.mask_lidar.astype(np.uint8),
+        final_voxel_state=masks.mask_camera.astype(np.uint8),
+        infov=masks.in_view,
+    )
+    return {f"{name.drive}/{name.number:03d}_04.npz": content}
 
 
 def _classes(masks: Masks) -> NDArray[np.uint8]:
@@ -185,6 +204,28 @@ def _openoccupancy(name: FrameName, masks: Masks) -> dict[str, bytes]:
         f"{folder}/occupancy/{name.number:06d}.npy": _npy(_rows(masks, (2, 1, 0))),
         f"{folder}/masks/{name.number:06d}.npz": _mask_file(masks),
     }
+
+
+def _occnet(name: FrameName, masks: Masks) -> dict[str, bytes]:
+    seen = masks.mask_camera if masks.camera else masks.mask_lidar
+    stem = f"{name.drive}/{name.number:03d}"
+    return {
+        f"{stem}_occ.npy": _npy(_flat_rows(masks)),
+        f"{stem}_occ_invalid.npy": _npy(np.flatnonzero(_x_fastest(~seen & ~masks.occupied))),
+    }
+
+
+def _x_fastest(array: NDArray[Any]) -> NDArray[Any]:
+    """An array in nuScenes' axes as a row, x + X (y + Y z)."""
+    return _file_axes(array).ravel(order="F")
+
+
+def _flat_rows(masks: Masks) -> NDArray[np.int64]:
+    """Rows of the occupied voxels: index in the row of `_x_fastest`, class."""
+    label = np.zeros(masks.grid.shape, np.int64)
+    label[masks.occupied] = _classes(masks)
+    index = np.flatnonzero(_x_fastest(masks.occupied))
+    return np.column_stack([index, _x_fastest(label)[index]])
 
 
 def _plain(name: FrameName, masks: Masks) -> dict[str, bytes]:
@@ -249,14 +290,28 @@ LAYOUTS: dict[str, MaskLayout] = {
             "occ3d-nuscenes",
             VoxelGrid([-40.0, -40.0, -1.0], 0.4, (200, 200, 16)),
             _RAYS,
-            _occ3d,
+            _occ3d_nuscenes,
             lidar_in_ego_m=LIDAR_IN_NUSCENES_EGO_M,
+        ),
+        MaskLayout(
+            "occ3d-waymo",
+            VoxelGrid([-40.0, -40.0, -1.0], 0.4, (200, 200, 16)),
+            _RAYS,
+            _occ3d_waymo,
+            lidar_in_ego_m=LIDAR_IN_WAYMO_VEHICLE_M,
+            vehicle="Waymo",
         ),
         MaskLayout(
             "surroundocc",
             VoxelGrid([-50.0, -50.0, -5.0], 0.5, (200, 200, 16)),
             _RAYS,
             _surroundocc,
+        ),
+        MaskLayout(
+            "occnet",
+            VoxelGrid([-50.0, -50.0, -5.0], 0.5, (200, 200, 16)),
+            _RAYS,
+            _occnet,
         ),
         MaskLayout(
             "openoccupancy",
@@ -281,19 +336,3 @@ def layout_named(name: str) -> MaskLayout:
     if name not in LAYOUTS:
         raise OutputError(f"there is no layout {name!r}; choose one of {', '.join(LAYOUTS)}.")
     return LAYOUTS[name]
-
-
-def write_masks(out: Path, layout: MaskLayout, name: FrameName, masks: Masks) -> list[Path]:
-    """Write the files of a frame, each whole or not at all; their paths.
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written, stands behind a link, or a class does not fit the layout.
-    """
-    written = []
-    for path, content in layout.write(name, masks).items():
-        refuse_links_below(out, out / path)
-        write_bytes(out / path, content)
-        written.append(out / path)
-    return written

@@ -15,7 +15,7 @@ Three definitions:
 
 from __future__ import annotations  # help() shows the names of the array types
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,7 +36,7 @@ from intervis.progress import Progress, reporter, silent
 from intervis.sight import Scene
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.transform import checked_pose, transform
-from intervis.uses.voxels.camera_voxels import PosedCamera, seen_by_lines, seen_by_pixels
+from intervis.uses.voxels.camera_voxels import PosedCamera, in_view, seen_by_lines, seen_by_pixels
 from intervis.uses.voxels.carving import CarvedGrid, Carver, is_return
 from intervis.uses.voxels.kernels.ray_walk import CROSSED, ENDED, mark_beams
 from intervis.uses.voxels.voxel_grid import VoxelGrid
@@ -113,6 +113,8 @@ class Masks:
         What each scanner of the frame observed.
     camera : mapping of str to bool array
         What each camera of the frame sees.
+    posed : mapping of str to PosedCamera
+        These cameras.
     state : uint8 array
         As `intervis.uses.voxels.carving.CarvedGrid.state`.
     probability : float32 array or None
@@ -131,6 +133,7 @@ class Masks:
     lidar: Mapping[str, BoolArray] = field(default_factory=dict)
     camera: Mapping[str, BoolArray] = field(default_factory=dict)
     probability: Float32Array | None = None
+    posed: Mapping[str, PosedCamera] = field(default_factory=dict)
 
     @property
     def mask_lidar(self) -> BoolArray:
@@ -140,10 +143,19 @@ class Masks:
     @property
     def mask_camera(self) -> BoolArray:
         """What some camera sees."""
-        seen = np.zeros(self.grid.shape, np.bool_)
-        for mask in self.camera.values():
-            seen |= mask
-        return seen
+        return _any_of(self.grid, self.camera.values())
+
+    @property
+    def in_view(self) -> BoolArray:
+        """Voxels whose centre lies in the image of some camera, hidden or not; made when asked."""
+        return _any_of(self.grid, (in_view(self.grid, posed) for posed in self.posed.values()))
+
+
+def _any_of(grid: VoxelGrid, masks: Iterable[BoolArray]) -> BoolArray:
+    found = np.zeros(grid.shape, np.bool_)
+    for mask in masks:
+        found |= mask
+    return found
 
 
 def masks_of(
@@ -228,10 +240,9 @@ def _exact(
     progress: Progress,
 ) -> Masks:
     now = [scan for scan in scans if scan.is_now]
-    of_scanner = {scan.scanner: _carved(grid, [scan]) for scan in now}
-    of_now = next(iter(of_scanner.values())) if len(now) == 1 else _carved(grid, now)
+    of_now = _carved(grid, now)
     whole = of_now if len(now) == len(scans) else _carved(grid, scans, progress)
-    observed, label = whole.free | whole.occupied, _voted(grid, scans)
+    observed, label = _observed(whole), _voted(grid, scans)
     return Masks(
         grid,
         "exact",
@@ -242,8 +253,12 @@ def _exact(
         invalid=~observed if label is None else ~observed | (whole.occupied & (label == 0)),
         state=whole.state,
         label=label,
-        lidar={name: carved.free | carved.occupied for name, carved in of_scanner.items()},
+        lidar={
+            scan.scanner: _observed(of_now if len(now) == 1 else _carved(grid, [scan]))
+            for scan in now
+        },
         camera=_seen_by_lines(grid, observed, now, cameras),
+        posed=cameras,
         probability=whole.probability,
     )
 
@@ -330,6 +345,7 @@ def _occ3d(
         label=_voted(grid, scans),
         lidar=of_scanner,
         camera=seen,
+        posed=cameras,
     )
 
 
@@ -349,6 +365,10 @@ def _carved(grid: VoxelGrid, scans: Sequence[PosedScan], progress: Progress = si
         carver.add(scan.points, scan.grid_from_sensor, now=scan.is_now)
         progress("scan")
     return carver.result()
+
+
+def _observed(carved: CarvedGrid) -> BoolArray:
+    return carved.free | carved.occupied
 
 
 def _held(grid: VoxelGrid, scans: Sequence[PosedScan]) -> BoolArray:
