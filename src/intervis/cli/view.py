@@ -96,7 +96,7 @@ def view(
         typer.Option("--drive", metavar="DRIVE", help="Of a run: its drive, where that was moved."),
     ] = None,
 ) -> int:
-    """Make a page or a recording of what a place sees, or of a run.
+    """Show what a place sees, or a run: a page or a recording.
 
     The page is one file that loads nothing. Every return is judged from the viewpoint (the camera;
     the sensor, if there is none), and can be clicked for its explanation. A recording holds the
