@@ -61,6 +61,7 @@ class MemoryDrive:
         self.poses = poses
         self.failing = dict(failing or {})
         self.name = name
+        self.root = Path("/nowhere") / name
         self.read: list[int] = []
 
     def fingerprint(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ SAID = {
     "blockers": (
         "% of the occluded lines: car",
         "without parked car, moving-car: <Sight:",
-        "of the occluded lines become visible",
+        " occluded lines become visible",
     ),
     "voxel_masks": ("occluded: ", "image_02 sees ", "<BevGrid: 300 x 300 cells of 0.2 m"),
     "route": ("2 of 2 zones come into sight", "Largest visible shares: kerb"),

@@ -31,7 +31,7 @@ LAYERS = (
 SIGHT_LAYERS = (
     ("kernels",),
     ("box_surface", "ground_map", "occupancy_model", "projected_scan"),
-    ("sensor",),
+    ("gravity", "sensor"),
     ("answers", "observed_profile", "query_checks", "range_image"),
     ("depth_buffer", "reference", "scan_buffer", "sight"),
     ("box_sight",),

@@ -2,7 +2,8 @@
 
 ``python tools/time_recordings.py DRIVE`` prints frames a second by the clock, and processor time a
 frame, from a place 12 m ahead; with the defaults of ``intervis view``, and with
-``--memory 0 --no-blind-spots``. Kernels are compiled before.
+``--memory 0 --no-blind-spots``. Both are timed alone, and together, as the command does: other
+threads judge the next frames while one is written. Kernels are compiled before.
 """
 
 import argparse
@@ -68,6 +69,9 @@ def time_request(drive: Drive, request: ViewRequest, folder: Path) -> None:
         timed(f"write for {viewer}", len(numbers), write)
         print(f"  {'':18s} {path.stat().st_size / 1e6 / len(numbers):6.2f} MB a frame")
         path.unlink()
+        both = partial(judge_and_write, drive, request, recording(path, drive, numbers, request))
+        timed("judge and write", len(numbers), both)
+        path.unlink()
 
 
 def write_frames(
@@ -77,6 +81,14 @@ def write_frames(
     with recording as sink:
         for frame in frames:
             sink.add(sink.prepare(frame))
+
+
+def judge_and_write(
+    drive: Drive, request: ViewRequest, recording: AbstractContextManager[FrameSink]
+) -> None:
+    """Judge all frames while those before are written, as ``intervis view`` does."""
+    with recording as sink:
+        judge_frames(drive, drive.frame_numbers, request, [sink])
 
 
 def main() -> None:

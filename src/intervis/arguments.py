@@ -1,6 +1,7 @@
 """Checks of arguments that are no arrays: objects of the library, texts, counts, sequences."""
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from numbers import Integral
 from pathlib import Path
@@ -13,6 +14,9 @@ LONGEST_SHOWN = 80
 
 LONGEST_PATH, UNFIT = 4096, ("\0", "\n", "\r")
 """Letters of a path at most, and characters that none may hold: messages name it in one line."""
+
+ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)", re.DOTALL)
+"""Scheme and place of an address that is no path: ``s3://bucket/drive``; a `Path` has one slash."""
 
 Kind = TypeVar("Kind")
 
@@ -153,6 +157,22 @@ def path_of(value: object, name: str) -> Path:
     if len(text) > LONGEST_PATH or any(mark in text for mark in UNFIT):
         raise ArgumentError(f"{name} is no path: {shown(text)}.")
     return Path(text)
+
+
+def address_of(path: str | os.PathLike[str]) -> str | None:
+    """The address of remote storage that a text or a path holds; None for a path on a disk.
+
+    Examples
+    --------
+    >>> address_of("s3://bucket/drive"), address_of(Path("s3://bucket/drive"))
+    ('s3://bucket/drive', 's3://bucket/drive')
+    >>> address_of("C:/drive"), address_of("drive/gs://")
+    (None, None)
+    """
+    found = ADDRESS.fullmatch(os.fspath(path))
+    if found is None or os.path.lexists(f"{found[1]}:"):  # a folder of this name
+        return None
+    return f"{found[1]}://{found[2]}"
 
 
 def _with_article(kind: type[Any]) -> str:

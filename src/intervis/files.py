@@ -11,7 +11,24 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from intervis.arguments import address_of
 from intervis.errors import OutputError
+
+
+def refuse_address(path: Path) -> None:
+    """Refuse an output in storage that is reached over a network.
+
+    Raises
+    ------
+    OutputError
+        The path is an address, as ``s3://bucket/out``.
+    """
+    address = address_of(path)
+    if address is not None:
+        raise OutputError(
+            f"cannot write {address}: results are written to a local disk; give a local path, and"
+            " copy the results from there."
+        )
 
 
 def check_replaceable(path: Path) -> Path:
@@ -20,9 +37,10 @@ def check_replaceable(path: Path) -> Path:
     Raises
     ------
     OutputError
-        Something that is no regular file stands there (a folder, a device, a pipe), or the path
-        cannot be looked up.
+        Something that is no regular file stands there (a folder, a device, a pipe), the path cannot
+        be looked up, or it is an address.
     """
+    refuse_address(path)
     try:
         target = Path(os.path.realpath(path))
         mode = target.stat().st_mode
@@ -164,8 +182,9 @@ def check_new_folder(path: Path) -> None:
     Raises
     ------
     OutputError
-        Something else stands there; it is not changed.
+        Something else stands there, and is not changed; or the path is an address.
     """
+    refuse_address(path)
     try:
         if not os.path.lexists(path) or (path.is_dir() and not any(path.iterdir())):
             return
@@ -181,8 +200,9 @@ def make_folder(path: Path) -> None:
     Raises
     ------
     OutputError
-        The folder cannot be made or written to.
+        The folder cannot be made or written to, or its path is an address.
     """
+    refuse_address(path)
     probe = path / ".intervis.part"
     try:
         path.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,6 @@
 """`intervis view --rerun` and `--foxglove`: files whole or not at all, one sentence a mistake."""
 
+import json
 import subprocess
 import sys
 
@@ -34,6 +35,17 @@ def recorded_frames(path):
         if chunk.entity_path == "/world/sensor/returns" and not chunk.is_static:
             numbers |= set(chunk.to_record_batch().column("frame").to_pylist())
     return numbers
+
+
+def recorded_measure(path, name):
+    """A measure by frame number in a recording for Rerun."""
+    found = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        if chunk.entity_path == f"/measures/{name}" and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            values = [one[0] for one in batch.column("Scalars:scalars").to_pylist()]
+            found |= dict(zip(batch.column("frame").to_pylist(), values, strict=True))
+    return found
 
 
 def test_both_recordings_and_a_page_are_written_at_once(drive, tmp_path, capsys):
@@ -92,7 +104,7 @@ def test_mistakes_get_one_sentence_and_change_nothing(
 
 
 def test_the_size_of_a_large_recording_is_said_before(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("intervis.cli.view.LARGE_RECORDING_MB", 3)
+    monkeypatch.setattr("intervis.cli.recordings.LARGE_RECORDING_MB", 3)
     drive = scan_folder(tmp_path / "drive", (0, 1, 2))
     asked = ["view", str(drive), "--rerun", str(tmp_path / "r.rrd"), "--no-blind-spots"]
     assert exit_code(asked) == 0
@@ -130,6 +142,24 @@ def test_a_broken_scan_is_left_out_and_told(drive, tmp_path, caplog):
     assert exit_code(["view", str(drive), "--rerun", str(path)]) == 0
     assert recorded_frames(path) == {0, 2}
     assert "frame 1 is left out: " in caplog.text
+
+
+def test_a_run_is_recorded_with_its_drive_and_not_without(drive, tmp_path, capsys):
+    run, path = tmp_path / "run", tmp_path / "r.rrd"
+    asked = ["run", str(drive), "--out", str(run), "--sight", "--viewpoint", "6,1,0.5"]
+    assert exit_code(asked) == 0
+    shares = json.loads((run / "summary.json").read_text())["frames"][2]["sight"]
+    assert exit_code(["view", str(run), "--rerun", str(path), "--returns", "100"]) == 0
+    assert recorded_frames(path) == {0, 1, 2}
+    assert recorded_measure(path, "visible_percent")[2] == pytest.approx(100 * shares["visible"])
+    drive.rename(tmp_path / "moved")
+    capsys.readouterr()
+    path.unlink()
+    assert exit_code(["view", str(run), "--rerun", str(path)]) == 2
+    err = capsys.readouterr().err
+    assert "--rerun needs the drive of the run, which is missing: there is nothing at" in err
+    assert err.count("\n") == 1
+    assert not path.exists()
 
 
 def test_a_frame_without_returns_is_recorded_empty(drive, tmp_path):

@@ -37,6 +37,17 @@ def test_a_wall(wall, target, state, capsys):
     assert not err
 
 
+def test_a_tilted_scanner_is_named(tmp_path, capsys):
+    x, y = np.meshgrid(np.arange(-9, 9, 0.2), np.arange(-9, 9, 0.2))
+    ground = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1)
+    s = np.sqrt(0.5)
+    for turn, said in ((np.eye(3), False), (np.array([[s, 0, s], [0, 1, 0], [-s, 0, s]]), True)):
+        np.save(tmp_path / "scan.npy", (ground @ turn).astype(np.float32))
+        scan = str(tmp_path / "scan.npy")
+        assert exit_code(["sight", scan, "--from", "sensor", "--to", "4,1,0"]) == 0
+        assert ("tilted by 45 degrees" in capsys.readouterr().out) is said
+
+
 def test_a_lower_risk_leaves_a_line_unknown(wall, capsys):
     asked = ["sight", str(wall), "--from", "sensor", "--to", "30,1,0"]
     for risk, state in (("0.2", "Occluded:"), ("0.001", "Unknown:")):

@@ -72,12 +72,109 @@ def test_mistakes_get_one_sentence(drive, tmp_path, capsys, monkeypatch, words, 
     assert not page.exists()
 
 
-def test_the_folder_of_a_run_is_refused(drive, tmp_path, capsys):
-    run = tmp_path / "run"
-    assert exit_code(["run", str(drive), "--out", str(run)]) == 0
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """The folder of a run with sight lines; its drive stands beside it."""
+    folder = tmp_path_factory.mktemp("run")
+    scan_folder(folder / "drive", (0, 1, 2))
+    asked = ["run", str(folder / "drive"), "--out", str(folder / "run"), "--sight"]
+    assert exit_code([*asked, "--viewpoint", "6,1,0.5", "--tau", "5"]) == 0
+    return folder / "run"
+
+
+def run_shown(page):
+    """What the page of a run says of it."""
+    return json.loads(re.search(r'id="page">(.*?)</script>', page.read_text())[1])["run"]
+
+
+def test_the_page_of_a_run_shows_it_with_its_drive(run, tmp_path, capsys):
+    page = tmp_path / "page.html"
+    assert exit_code(["view", str(run), "--html", str(page), "--to", "10,1,0"]) == 0
+    out, err = capsys.readouterr()
+    assert (out.count("\n"), err) == (1, "")
+    assert run_shown(page) == {"has_states": True, "has_drive": True}
+    assert exit_code(["view", str(run), "--html", str(page), "--most", "1"]) == 0
+    assert "1 of 3 frames are shown, evenly chosen" in capsys.readouterr().err
+
+
+def test_a_run_whose_drive_is_gone_is_shown_with_one_sentence(run, tmp_path, capsys):
+    moved, page = tmp_path / "moved", tmp_path / "page.html"
+    drive = run.with_name("drive")
+    drive.rename(moved)
+    try:
+        asked = ["view", str(run), "--html", str(page)]
+        assert exit_code(asked) == 0
+        assert capsys.readouterr().err.count("\n") == 1
+        assert run_shown(page) == {"has_states": True, "has_drive": False}
+        assert exit_code([*asked, "--drive", str(moved)]) == 0
+        assert capsys.readouterr().err == ""
+        assert run_shown(page)["has_drive"]
+        page.unlink()
+        for words, said in (
+            (["--to", "10,1,0"], "--to needs the drive of the run, which is missing: there is"),
+            (["--drive", str(tmp_path / "no")], "there is nothing at"),
+        ):
+            assert exit_code([*asked, *words]) == 2
+            err = capsys.readouterr().err
+            assert said in err
+            assert err.count("\n") == 1
+        assert [path.name for path in tmp_path.iterdir()] == ["moved"]
+    finally:
+        moved.rename(drive)
+
+
+def test_a_damaged_frame_of_a_run_is_told_and_ends_with_1(run, tmp_path, caplog, capsys):
+    copy = shutil.copytree(run, tmp_path / "copy")
+    frames, page = sorted((copy / "frames").iterdir()), tmp_path / "page.html"
+    frames[1].write_bytes(b"broken")
+    assert exit_code(["view", str(copy), "--html", str(page)]) == 1
+    assert "frame 1 is left out: " in caplog.text
+    assert page.read_text().count('id="block-') == 2
+    page.unlink()
+    for frame in frames:
+        frame.write_bytes(b"")
     capsys.readouterr()
-    assert exit_code(["view", str(run), "--html", str(tmp_path / "page.html")]) == 2
-    assert "holds the results of a run, without its scans" in capsys.readouterr().err
+    assert exit_code(["view", str(copy), "--html", str(page)]) == 2
+    assert capsys.readouterr().err.splitlines()[-1].endswith("is damaged: File is not a zip file.")
+    assert not page.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--serve"], "--serve is about a drive"),
+        (["--from", "1,2,3"], "--from is about a drive"),
+        (["--fixed"], "--fixed is about a drive"),
+        (["--camera", "image_03"], "--camera is about a drive"),
+        (["--risk", "0.02"], "--risk is about lines that are judged now"),
+        (["--memory", "0"], "--memory is about lines that are judged now"),
+        (["--frames", "9:"], "no frame lies in the range"),
+        (["--returns", "0"], "--returns must be 1 or more"),
+    ],
+)
+def test_mistakes_with_a_run_get_one_sentence(run, tmp_path, capsys, words, said):
+    page = tmp_path / "page.html"
+    assert exit_code(["view", str(run), "--html", str(page), *words]) == 2
+    out, err = capsys.readouterr()
+    assert said in err
+    assert (err.count("\n"), out) == (1, "")
+    assert not page.exists()
+
+
+def test_pages_stand_neither_in_the_run_nor_in_its_drive(run, capsys):
+    for folder in (run, run.with_name("drive")):
+        assert exit_code(["view", str(run), "--html", str(folder / "page.html")]) == 2
+        assert "which this command reads and never changes" in capsys.readouterr().err
+
+
+def test_the_runs_of_several_drives_are_named(run, drive, tmp_path, capsys):
+    for name in ("b", "a"):
+        shutil.copytree(run, tmp_path / "runs" / name)
+    page = str(tmp_path / "page.html")
+    assert exit_code(["view", str(tmp_path / "runs"), "--html", page]) == 2
+    assert "give the path of one of them: a, b." in capsys.readouterr().err
+    assert exit_code(["view", str(drive), "--html", page, "--drive", str(drive)]) == 2
+    assert "--drive says where the drive of a run is" in capsys.readouterr().err
 
 
 def test_a_long_drive_is_thinned_after_its_size_is_said(tmp_path, capsys):

@@ -10,7 +10,7 @@ from small_drive import scan_folder
 
 EXTRAS = (
     *("embreex", "matplotlib", "PIL", "pypcd4", "lzf", "pyarrow", "pye57"),
-    *("laspy", "lazrs", "lz4", "backports", "rosbags", "rerun", "foxglove"),
+    *("laspy", "lazrs", "lz4", "backports", "rosbags", "rerun", "foxglove", "fsspec"),
 )
 PROGRAM = (
     f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))\n"
@@ -61,6 +61,7 @@ def test_a_sight_line_is_answered(drive):
         (["demo", "--out", "{out}"], "lab"),
         (["simulate", "--out", "{out}"], "lab"),
         (["evaluate", "street"], "lab"),
+        (["sight", "s3://bucket/drive", "--from", "sensor", "--to", "5,0,0"], "s3"),
     ],
 )
 def test_what_needs_an_extra_names_it_in_one_line(words, extra, drive, tmp_path):

@@ -34,12 +34,6 @@ def test_the_folder_of_the_scans_alone_has_the_poses_beside_it(tmp_path, place):
     assert [frame.pose[0, 3] for frame in below] == [1.0, 2.0]
 
 
-@pytest.mark.parametrize("address", ["s3://bucket/drive", "https://host/drive.mcap"])
-def test_an_address_is_no_path_and_told(address):
-    with pytest.raises(DriveError, match=f"^{address} is no local path: copy or mount it"):
-        open_drive(address)
-
-
 def test_a_folder_of_scans_beside_other_scans_stays_alone(tmp_path):
     """The drive above reads ``pcd``: its poses are of those scans."""
     for place in ("pcd", "scans"):

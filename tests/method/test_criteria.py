@@ -226,22 +226,22 @@ def test_tree_on_paper():
     # 0 - 1 - 2 in a row and a way 0 - 3 - 2 that is longer; 4 hangs on an edge that is not
     # intervisible; 5 is no intervisibility point.
     edges = np.array([[0, 1], [0, 3], [1, 2], [2, 3], [2, 4], [4, 5]])
-    length = np.array([1.0, 3, 1, 3, 1, 1])
+    position = np.array([[1.0, 0, 0], [2, 0, 0], [3, 0, 0], [2, 3, 0], [4, 0, 0], [5, 0, 0]])
     node = np.array([True, True, True, True, True, False])
     edge = np.array([True, True, True, True, False, False])
     parent = np.array([-1, 0, 1, 0, 2, 4])
-    tree = reachable_tree(edges, length, np.arange(6.0) + 1, parent, node, edge)
+    tree = reachable_tree(edges, position, np.arange(6.0) + 1, parent, node, edge)
     assert tree.tolist() == [-1, 0, 1, 0, -2, -2]
 
 
 def test_tree_starts_at_the_nearest_point_where_none_is_reached_directly():
-    edges, one = np.array([[0, 1], [1, 2]]), np.ones(2)
+    edges, row = np.array([[0, 1], [1, 2]]), np.array([[1.0, 0, 0], [2, 0, 0], [3, 0, 0]])
     node, edge = np.array([False, True, True]), np.array([False, True])
-    tree = reachable_tree(edges, one, np.array([1.0, 2, 3]), np.array([-1, 0, 1]), node, edge)
+    tree = reachable_tree(edges, row, np.array([1.0, 2, 3]), np.array([-1, 0, 1]), node, edge)
     assert tree.tolist() == [-2, -1, 1]
     nothing = np.zeros(3, bool)
     assert (
-        reachable_tree(edges, one, np.ones(3), np.full(3, -1), nothing, nothing[:2]).tolist()
+        reachable_tree(edges, row, np.ones(3), np.full(3, -1), nothing, nothing[:2]).tolist()
         == [-2] * 3
     )
 
@@ -400,7 +400,6 @@ def test_a_neighbour_is_farther_than_a_centroid_that_is_not_there():
 def test_the_tree_leads_to_lower_numbers_too():
     """Node 2 is the root; edges are given from the smaller number to the larger one."""
     edges, every = np.array([[0, 1], [1, 2]]), np.ones(3, bool)
-    tree = reachable_tree(
-        edges, np.ones(2), np.array([3.0, 2, 1]), np.array([1, 2, -1]), every, every[:2]
-    )
+    row = np.array([[3.0, 0, 0], [2, 0, 0], [1, 0, 0]])
+    tree = reachable_tree(edges, row, np.array([3.0, 2, 1]), np.array([1, 2, -1]), every, every[:2])
     assert tree.tolist() == [1, 2, -1]

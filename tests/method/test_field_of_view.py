@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intervis import Camera, open_drive
-from intervis.method.field_of_view import image_from_velo, in_azimuth, in_camera
+from intervis.method.field_of_view import image_from_velo, in_azimuth, in_camera, taken
 
 # x right, y down, z forward from x forward, y left, z up
 CAM_FROM_VELO = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
@@ -150,3 +150,13 @@ def test_azimuths_on_the_border_are_in_view():
     assert in_azimuth(points, 90.0).index.tolist() == [0, 1, 4]
     assert in_azimuth(points, 360.0).index.tolist() == [0, 1, 2, 3, 4, 5]
     assert in_azimuth(points, 180.0).index.tolist() == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("columns", [3, 4])
+def test_points_are_taken_as_numpy_takes_them(rng, kind, columns):
+    points = rng.normal(size=(50, columns)).astype(kind)[:, :3]
+    for index in (np.flatnonzero(rng.random(50) < 0.4), np.empty(0, np.int64)):
+        found, expected = taken(points, index), points[index].astype(np.float64)
+        assert (found.shape, found.dtype) == (expected.shape, expected.dtype)
+        assert (found == expected).all()

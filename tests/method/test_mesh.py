@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from intervis.delaunay import triangulate
-from intervis.method.mesh import build_mesh, star_centroids
+from intervis.method.mesh import build_mesh, edge_lengths, star_centroids
 
 
 @given(st.integers(3, 60), st.integers(0, 2**32 - 1))
@@ -76,6 +76,16 @@ def test_edges_are_the_sides_of_the_triangles_each_once(n, seed):
     sides = {tuple(sorted((int(t[k]), int(t[k - 1])))) for t in mesh.triangles for k in range(3)}
     assert [tuple(e) for e in mesh.edges.tolist()] == sorted(sides)
     assert mesh.edges.dtype == np.int64
+
+
+@given(st.integers(1, 60), st.integers(0, 80), st.integers(0, 2**32 - 1))
+def test_lengths_of_edges_are_numpys_to_the_last_bit(n, count, seed):
+    rng = np.random.default_rng(seed)
+    position = rng.normal(size=(n, 3)) * rng.choice([1e-9, 1.0, 1e9], 3)
+    edges = rng.integers(0, n, (count, 2))
+    expected = np.linalg.norm(position[edges[:, 0]] - position[edges[:, 1]], axis=1)
+    for same in (position, np.asfortranarray(position)):
+        assert edge_lengths(edges, same).tolist() == expected.tolist()
 
 
 def test_copies_of_a_position_do_not_break_the_mesh(rng):

@@ -8,13 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from intervis.drives import open_drive
+from intervis.method.field_of_view import in_camera
 from intervis.method.sampling import (
     _first_axis,
     _partition,
     sample_kernels,
     sample_radius,
     sample_stride,
-    select,
 )
 
 ORIGIN = np.zeros(3)
@@ -156,6 +157,25 @@ def test_kernels_are_halves_across_the_first_principal_axis(n, tau, seed):
     assert sample_kernels(points, tau, viewpoint).tolist() == sorted(nodes)
 
 
+@pytest.mark.realdata
+@pytest.mark.parametrize("tau", [35, 10, 3])
+def test_kernels_of_a_real_scan_are_halves_too(shared_data, tau):
+    frame = open_drive(shared_data / "kitti_object")[1]
+    view = in_camera(frame.points, frame.camera, frame.cam_from_velo)
+    points = frame.points[view.index, :3].astype(np.float64)
+    expected = halves(points, list(range(len(points))), -(-len(points) // tau), tau, ORIGIN)
+    assert [sorted(m.tolist()) for m in kernels_of(points, tau)] == expected
+
+
+@pytest.mark.parametrize("far_m", [0.0, 1e6])
+def test_kernels_are_halves_far_from_the_origin_too(rng, far_m):
+    """The moments are taken in one pass: relative to a point, or they would cancel out."""
+    points = rng.normal(size=(3000, 3)) * [1.0, 0.9, 0.8] + far_m
+    viewpoint = np.full(3, far_m - 20.0)
+    found = [sorted(m.tolist()) for m in kernels_of(points, 20, viewpoint)]
+    assert found == halves(points, list(range(3000)), 150, 20, viewpoint)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_of_two_members_the_one_nearer_to_the_viewpoint_is_the_node(axis, side):
@@ -205,43 +225,20 @@ def test_the_first_axis_is_an_eigenvector_of_the_largest_eigenvalue(seed, kind, 
 
 
 @given(
-    st.lists(st.integers(0, 9), min_size=1, max_size=60),
-    st.integers(0, 5),
-    st.integers(0, 5),
-    st.data(),
+    st.integers(0, 2**32 - 1),
+    st.floats(1e-8, 0.9),
+    st.floats(0.0, 1.0),
+    st.sampled_from([1e-9, 1.0, 1e18]),
 )
-def test_select_puts_the_smallest_values_first(middle, before, after, data):
-    value = np.array([*range(before), *middle, *range(after)], float)
-    order = np.arange(len(value)) + 100
-    start, stop = before, before + len(middle)
-    target = data.draw(st.integers(start, stop - 1))
-    kept = value.copy()
-    select(order, value, start, stop, target)
-    assert sorted(value[start:target].tolist()) == sorted(middle)[: target - start]
-    assert value[target] == sorted(middle)[target - start]
-    assert (value[start:target] <= value[target]).all()
-    assert (value[target:stop] >= value[target]).all()
-    assert kept[order - 100].tolist() == value.tolist(), "the order follows the values"
-    for outside in (slice(0, start), slice(stop, None)):
-        assert (order[outside] - 100).tolist() == list(range(len(value)))[outside]
+def test_the_first_axis_of_nearly_round_matrices(seed, gap, third, size):
+    """The second eigenvalue is less than the first by a share, the third is any smaller one."""
+    basis = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    eigenvalues = np.array([1.0, 1.0 - gap, third * (1.0 - gap)])
+    matrix = size * (basis * eigenvalues) @ basis.T
+    axis = _first_axis(*matrix[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
+    assert np.linalg.norm(np.cross(axis, basis[:, 0])) < 1e-14 / gap
 
 
-class Counted(list):
-    """A list that counts how often it is read."""
-
-    reads = 0
-
-    def __getitem__(self, index):
-        self.reads += 1
-        return super().__getitem__(index)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.99])
-def test_select_takes_linear_time_on_sorted_and_reversed_values(share):
-    n = 1000
-    for values in (range(n), range(n, 0, -1), [7] * n, [*range(0, n, 2), *range(n, 0, -2)]):
-        value, order = Counted(map(float, values)), list(range(len(values)))
-        target = int(share * n)
-        getattr(select, "py_func", select)(order, value, 0, len(value), target)
-        assert value[target] == sorted(values)[target]
-        assert value.reads < 20 * n, "a bad pivot reads half of n * n"
+def test_no_matrix_is_too_small_for_an_axis():
+    for nothing in (0.0, 5e-324):
+        assert _first_axis(nothing, 0.0, 0.0, nothing, 0.0, 0.0) == (1.0, 0.0, 0.0)

@@ -1,6 +1,7 @@
 """Ownership of a run's folder: other runs, shards, links, foreign files, changed input."""
 
 import dataclasses
+import json
 import shutil
 
 import numpy as np
@@ -239,3 +240,15 @@ def test_the_fingerprint_of_a_frame_changes_with_each_input():
     changed = dataclasses.replace(frame, points=points)
     assert frame_fingerprint(changed, SETTINGS, "camera") not in seen
     assert frame_fingerprint(frame, SETTINGS, "camera") in seen
+
+
+def test_a_run_notes_where_its_drive_is_and_follows_it(tmp_path):
+    out = tmp_path / "out"
+    first = scan_folder(tmp_path / "here" / "drive")
+    assert run_drive(open_drive(first), out).content["source"] == str(first)
+    moved = tmp_path / "there" / "drive"
+    moved.parent.mkdir()
+    first.rename(moved)
+    again = run_drive(open_drive(moved), out)
+    assert again.reused == len(again.frames) == 3
+    assert json.loads((out / "summary.json").read_text())["source"] == str(moved)

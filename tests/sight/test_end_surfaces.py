@@ -25,6 +25,7 @@ def round_wall(ground_m):
         sensor_from_scene=np.eye(4)[None, :3].copy(),
         position=np.zeros((1, 3)),
         ground=np.full((1, CELLS, CELLS), ground_m, np.float32),
+        level_from_scene=np.eye(3),
         age_cost_m=np.zeros(1),
         time_offset_s=np.full(1, np.nan),
     )

@@ -38,6 +38,10 @@ TURNS = {
 }
 
 
+LEVEL_TURNS = {1: "upside down", 2: "to the left", 5: "backwards"}
+"""Turn of the axes of the ground maps by the number of scans."""
+
+
 @pytest.fixture(autouse=True)
 def exact_bounds(monkeypatch):
     """The reference reads its constants from the module."""
@@ -88,6 +92,7 @@ def world(rng, scans, timed):
         ),
         position=position,
         ground=ground.astype(np.float32),
+        level_from_scene=TURNS[LEVEL_TURNS.get(scans, "upright")],
         age_cost_m=AGE_COST_M_PER_S * np.abs(offset_s) if timed else np.zeros(scans),
         time_offset_s=offset_s,
     )

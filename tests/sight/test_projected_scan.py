@@ -26,7 +26,7 @@ def scattered(rng, count):
 def test_a_projected_scan_holds_ranges_and_level_coordinates(rng):
     points, pose = scattered(rng, 300), turned(0.7, 2.0, 1.0)
     pose[:3, :3] = pose[:3, :3] @ np.array([[1, 0, 0], [0, 0.8, -0.6], [0, 0.6, 0.8]])
-    scan = project_scan(points.astype(np.float32), pose)
+    scan = project_scan(points.astype(np.float32), pose[:3, :3])
     points = points.astype(np.float32).astype(np.float64)
     rho, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
     assert np.array_equal(scan.xyz.T, points)

@@ -64,6 +64,20 @@ def street() -> np.ndarray:
     return (rays * range_m[:, None]).astype(np.float32)
 
 
+def test_spots_without_outlines_are_the_same_otherwise() -> None:
+    points = street()
+    grid = visibility_grid(Scene.from_scan(points), [0, 0, 0], points, reach_m=24.0, cell_m=0.3)
+    spots, plain = blind_spots(grid), blind_spots(grid, has_outlines=False)
+    assert len(spots) == len(plain) > 1
+    for spot, one in zip(spots, plain, strict=True):
+        assert len(spot.outline) >= 1
+        assert one.outline == ()
+        for name in set(vars(spot)) - {"outline"}:
+            assert np.array_equal(
+                getattr(spot, name), getattr(one, name), equal_nan=name == "blocker"
+            )
+
+
 def test_a_wall_makes_a_blind_spot_of_the_area_on_paper() -> None:
     points = street()
     grid = visibility_grid(Scene.from_scan(points), [0, 0, 0], points, reach_m=24.0, cell_m=0.3)

@@ -1,16 +1,14 @@
 """What a page stores, decoded by a double in Python, against the answers of the engine."""
 
-import base64
-import json
 import re
-import struct
-import zlib
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from page_content import parts_of, unpacked
 
 import intervis.view
 from intervis.drives import open_drive
@@ -26,25 +24,6 @@ from parsed_page import Parsed
 from small_drive import scan_folder
 
 PAGE = Path(intervis.view.__file__).parent / "page"
-
-
-def unpacked(block: bytes) -> dict[str, list[int]]:
-    """The columns of a block, value by value."""
-    content = zlib.decompress(block)
-    (length,) = struct.unpack_from("<I", content)
-    at, columns = 4 + length, {}
-    for name, count, planes, by_difference, signed in json.loads(content[4:at]):
-        values, last = [], 0
-        for i in range(count):
-            value = sum(content[at + plane * count + i] << 8 * plane for plane in range(planes))
-            if signed:
-                value = value // 2 if value % 2 == 0 else -(value + 1) // 2
-            last = last + value if by_difference else value
-            values.append(last)
-        columns[name] = values
-        at += planes * count
-    assert at == len(content)
-    return columns
 
 
 @given(
@@ -101,13 +80,6 @@ def drive(tmp_path_factory):
     rows = [f"1 0 0 {2 * n} 0 1 0 0 0 0 1 0" for n in range(4)]
     (folder / "poses.txt").write_text("\n".join(rows) + "\n")
     return open_drive(folder)
-
-
-def parts_of(text: str) -> tuple[dict, dict[str, bytes]]:
-    """The JSON of a page, and its binary blocks."""
-    content = re.search(r'<script type="application/json" id="page">(.*?)</script>', text, re.S)
-    blocks = re.findall(r'<script type="text/plain" id="([a-z]+-\d+)">(.*?)</script>', text, re.S)
-    return json.loads(content[1]), {name: base64.b64decode(data) for name, data in blocks}
 
 
 VIEWPOINT = (6.0, 1.0, 0.5)
@@ -197,6 +169,19 @@ def test_a_fixed_viewpoint_stays_in_the_world(drive):
     assert first != last
 
 
+def test_a_scan_that_cannot_be_read_is_left_out_of_the_scenes_around_it(drive, tmp_path, caplog):
+    folder = shutil.copytree(drive.root, tmp_path / "street")
+    (folder / "000001.bin").write_bytes(b"123")
+    request = ViewRequest(viewpoint=VIEWPOINT, has_blind_spots=False)
+    content, _ = parts_of(page_html(open_drive(folder), [0, 1, 3], request).decode())
+    assert [(frame["number"], frame["memory"]) for frame in content["frames"]] == [
+        (0, [2]),
+        (3, [2]),
+    ]
+    assert "frame 0 is judged without that scan: " in caplog.text
+    assert "frame 1 is left out: " in caplog.text
+
+
 def test_remembered_frames_are_those_around(drive):
     assert remembered_frames(drive, 0, 2) == [1, 2]
     assert remembered_frames(drive, 2, 1) == [1, 3]
@@ -240,3 +225,17 @@ def test_a_real_drive_fits_into_ten_megabytes(shared_data):
     content, blocks = parts_of(page.decode())
     rows = unpacked(blocks["block-1"])["row"]
     assert len(rows) == content["frames"][1]["stored"] <= 50_000
+
+
+def test_a_tilted_scanner_without_a_pose_has_a_page_without_ground(tmp_path):
+    x, y = np.meshgrid(np.arange(-12, 12, 0.2), np.arange(-12, 12, 0.2))
+    ground = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1)
+    s = np.sqrt(0.5)
+    for turn, has_ground in (
+        (np.eye(3), True),
+        (np.array([[s, 0, s], [0, 1, 0], [-s, 0, s]]), False),
+    ):
+        np.save(tmp_path / "scan.npy", (ground @ turn).astype(np.float32))
+        drive = open_drive(tmp_path / "scan.npy")
+        content, _ = parts_of(page_html(drive, [0], ViewRequest(viewpoint="sensor")).decode())
+        assert (content["frames"][0]["ground_m"] is not None) is has_ground

@@ -283,7 +283,7 @@ def check_no_input(path: Path, inputs: Iterable[Path | None]) -> None:
     """
     target = Path(os.path.realpath(path))
     for given in inputs:
-        if given is None:
+        if not isinstance(given, Path):  # none, or remote
             continue
         source = Path(os.path.realpath(given))
         if target == source or source in target.parents:
@@ -312,7 +312,7 @@ def check_drive_kept(drive: "Drive", paths: Iterable[Path | None]) -> None:
             *(*drive.scan_paths.values(), *drive.image_paths.values()),
             *drive.label_paths.values(),
         ):
-            if file.exists() and os.path.samestat(file.stat(), own):
+            if isinstance(file, Path) and file.exists() and os.path.samestat(file.stat(), own):
                 raise OutputError(
                     f"{path} is a file of {drive.name}, which this command reads and never changes:"
                     " choose another place."

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from intervis.arguments import address_of
 from intervis.cli import options
 from intervis.cli.survey import Frames
 from intervis.cli.terminal import InterruptedRunError, complain, progress, show, tell
@@ -168,13 +169,14 @@ def run(
         open_drive(source, camera=camera)  # a mistake is told before the work, not after a drive
     failed = False
     for place, (source, folder) in enumerate(zip(sources, _folders(sources, out), strict=True)):
-        show(f"{source}:" if place == 0 else f"\n{source}:")
+        name = address_of(source) or source
+        show(f"{name}:" if place == 0 else f"\n{name}:")
         try:
             failed |= bool(_run_one(source, folder, camera, request, place))
         except SettingsError:
             raise  # every drive would fail in the same way
         except IntervisError as error:
-            complain(f"{source}: {error}")
+            complain(f"{name}: {error}")
             failed = True
     return 1 if failed else 0
 

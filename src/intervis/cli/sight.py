@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from intervis.arrays import Float64Array
     from intervis.drives import Drive, Frame
-    from intervis.sight import Explanation, Sight
+    from intervis.sight import Explanation, Scene, Sight
     from intervis.uses.semantics.labelled_scene import LabelledScene
 
 Point = tuple[float, float, float]
@@ -138,7 +138,8 @@ def sight(
         advance("sight lines")
     count = len(labelled.scene)
     scans = f"{count} scan{'s' if count != 1 else ''}{_left_out(labelled)}"
-    show(f"{drive.name}, frame {now.number}, {scans}; coordinates in its sensor frame.")
+    tilt = _tilt(labelled.scene)
+    show(f"{drive.name}, frame {now.number}, {scans}; coordinates in its sensor frame.{tilt}")
     for nth, one in enumerate(explained):
         show(f"{one}{_class_of_blocker(one, classes, nth)}")
     if targets is not None:
@@ -176,6 +177,13 @@ def _show_shares(classes: "NDArray[np.str_] | None") -> None:
 
     if classes is not None and (table := blocker_table(classes)).rows:
         show("\n" + table.as_text())
+
+
+def _tilt(scene: "Scene") -> str:
+    """What was found without a pose about a scanner that does not stand upright."""
+    if not scene.tilt_deg:
+        return ""
+    return f" By its scan, the scanner is tilted by {scene.tilt_deg:.0f} degrees."
 
 
 def _counts(answers: "Sight") -> str:

@@ -7,22 +7,27 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from intervis.cli import options
+from intervis.cli.recordings import (
+    check_recordings,
+    note_recording_size,
+    recordings,
+    show_recordings,
+)
 from intervis.cli.run import CameraName, Source
 from intervis.cli.sight import FROM
 from intervis.cli.survey import Frames, Risk
 from intervis.cli.terminal import progress, show, tell
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     from intervis.drives import Drive
     from intervis.view import ViewRequest
-    from intervis.view.frame_stream import FrameSink
     from intervis.view.server import ViewServer
 
 DEFAULT_PORT = 8765
-LARGE_MB, LARGE_RECORDING_MB = 30, 500
-"""Larger pages and recordings are announced."""
+LARGE_MB = 30
+"""Larger pages are announced."""
+
+MOST_LISTED = 8
 
 
 def view(
@@ -75,28 +80,34 @@ def view(
         ),
     ] = None,
     memory: Annotated[
-        int,
+        int | None,
         typer.Option(
-            metavar="N", help="Scans before and after each frame that are used, by the poses."
+            metavar="N",
+            help="Scans before and after each frame that are used, by the poses; default: 2.",
         ),
-    ] = 2,
+    ] = None,
     blind_spots: Annotated[
         bool, typer.Option("--blind-spots/--no-blind-spots", help="Judge the ground as well.")
     ] = True,
     risk: Risk = None,
     camera: CameraName = None,
-) -> None:
-    """Make a page or a recording of what a place sees.
+    run_drive: Annotated[
+        Path | None,
+        typer.Option("--drive", metavar="DRIVE", help="Of a run: its drive, where that was moved."),
+    ] = None,
+) -> int:
+    """Show what a place sees, or a run: a page or a recording.
 
     The page is one file that loads nothing. Every return is judged from the viewpoint (the camera;
     the sensor, if there is none), and can be clicked for its explanation. A recording holds the
-    same for the viewer of Rerun or for Foxglove.
+    same for the viewer of Rerun or for Foxglove. Of a folder that `intervis run` wrote, the results
+    are shown.
     """
     from intervis.errors import SettingsError
 
     has_page = page is not None or serve
-    recordings = {"--rerun": rerun, "--foxglove": foxglove}
-    if not has_page and not any(recordings.values()):
+    recorded = {"--rerun": rerun, "--foxglove": foxglove}
+    if not has_page and not any(recorded.values()):
         raise SettingsError(
             "give --html FILE to write a page, --serve to look at once, or --rerun FILE or"
             " --foxglove FILE to record."
@@ -104,9 +115,10 @@ def view(
     frame_range = options.frame_range(frames)
     place = None if start is None else options.place(start, "--from")
     given_ends = [options.place(end, "--to") for end in ends or ()]
-    options.check_output_files({"--html": page, **recordings}, [source])
+    options.check_output_files({"--html": page, **recorded}, [source])
 
-    from intervis.drives import open_drive
+    from intervis.cli.view_run import RunView, view_run
+    from intervis.run.stored_run import is_run
     from intervis.run.stream import selected_frames
     from intervis.sight.occupancy_model import DEFAULT_RISK
     from intervis.view import ViewRequest, judge_frames, page_html, save_page
@@ -116,15 +128,22 @@ def view(
 
     if page is not None:
         check_page(page)
-    _check_recordings(rerun, foxglove)
-    _check_no_run(source)
-    drive = open_drive(source, camera=camera)
+    check_recordings(rerun, foxglove)
+    if is_run(source):
+        refused = {"--serve": serve, "--from": start, "--fixed": fixed, "--camera": camera}
+        view = RunView(
+            source, run_drive, page, rerun, foxglove, frame_range, most, returns, memory, risk
+        )
+        return view_run(view, given_ends, refused, has_blind_spots=blind_spots)
+    if run_drive is not None:
+        raise SettingsError("--drive says where the drive of a run is: give the folder of a run.")
+    drive = _opened(source, camera)
     request = ViewRequest(
         viewpoint=place or ("sensor" if drive.camera_name is None else "camera"),
         is_fixed=fixed,
         ends=given_ends,
         risk=DEFAULT_RISK if risk is None else risk,
-        memory=memory,
+        memory=ViewRequest.memory if memory is None else memory,
         most_frames=ViewRequest.most_frames if most is None else most,
         most_returns=returns,
         has_blind_spots=blind_spots,
@@ -134,11 +153,11 @@ def view(
     numbers = thinned_frames(chosen, request.most_frames) if thinned else list(chosen)
     if has_page:
         _note_size(drive, len(chosen), len(numbers), request)
-    _note_recording_size(sum(path is not None for path in recordings.values()), numbers, request)
+    note_recording_size(sum(path is not None for path in recorded.values()), numbers, request)
     # The port is taken before the work, so that a taken one is told at once.
     server = ViewServer(drive, numbers, request, port) if serve else None
     with (
-        _recordings(rerun, foxglove, drive, numbers, request) as sinks,
+        recordings(rerun, foxglove, drive, numbers, request) as sinks,
         progress("frames", len(numbers)) as advance,
     ):
         if has_page:
@@ -147,56 +166,30 @@ def view(
             )
         else:
             judge_frames(drive, numbers, request, sinks, progress=advance)
-    for path in recordings.values():
-        if path is not None:
-            show(f"Recording: {path} ({path.stat().st_size / 1e6:.1f} MB)")
+    show_recordings(recorded.values())
     if page is not None:
         save_page(page, content)
         show(f"Page: {page} ({len(content) / 1e6:.1f} MB)")
     if server is not None:
         _serve(server, content)
+    return 0
 
 
-def _check_recordings(rerun: Path | None, foxglove: Path | None) -> None:
-    """Check before the work that the recordings can be written, and that their extra is there."""
-    from intervis.view.recordings.foxglove_file import check_foxglove_file
-    from intervis.view.recordings.rerun_file import check_rerun_file
-
-    if rerun is not None:
-        check_rerun_file(rerun)
-    if foxglove is not None:
-        check_foxglove_file(foxglove)
-
-
-@contextlib.contextmanager
-def _recordings(
-    rerun: Path | None,
-    foxglove: Path | None,
-    drive: "Drive",
-    numbers: "Sequence[int]",
-    request: "ViewRequest",
-) -> "Iterator[list[FrameSink]]":
-    """The recordings that were asked for; their files appear when all frames are in them."""
-    from intervis.view.recordings import foxglove_recording, rerun_recording
-
-    with contextlib.ExitStack() as stack:
-        sinks: list[FrameSink] = []
-        if rerun is not None:
-            sinks.append(stack.enter_context(rerun_recording(rerun, drive, numbers, request)))
-        if foxglove is not None:
-            sinks.append(stack.enter_context(foxglove_recording(foxglove, drive, numbers, request)))
-        yield sinks
-
-
-def _check_no_run(source: Path) -> None:
-    """Raise where the source is the output folder of a run: it does not say where its drive is."""
+def _opened(source: Path, camera: str | None) -> "Drive":
+    """The drive at a path; a folder of several runs is no drive, and is told apart."""
+    from intervis.drives import open_drive
     from intervis.errors import DriveError
+    from intervis.run.stored_run import runs_below
 
-    if (source / "summary.json").is_file() and (source / "frames").is_dir():
-        raise DriveError(
-            f"{source} holds the results of a run, without its scans and images: give the drive"
-            " that was run."
-        )
+    try:
+        return open_drive(source, camera=camera)
+    except DriveError:
+        if runs := runs_below(source):
+            raise DriveError(
+                f"{source} holds the runs of several drives: give the path of one of them:"
+                f" {', '.join(runs[:MOST_LISTED])}{', ...' if len(runs) > MOST_LISTED else ''}."
+            ) from None
+        raise
 
 
 def _note_size(drive: "Drive", chosen: int, shown: int, request: "ViewRequest") -> None:
@@ -214,18 +207,6 @@ def _note_size(drive: "Drive", chosen: int, shown: int, request: "ViewRequest") 
         tell(f"note: the page will take up to {size_mb:,.0f} MB; --returns and --most reduce it.")
     if (drive.image_paths or drive.image_readers) and not _has_pillow():
         tell("note: the page has no images: they need pip install 'intervis[plots]'.")
-
-
-def _note_recording_size(recordings: int, numbers: "Sequence[int]", request: "ViewRequest") -> None:
-    """Say how large recordings get, before they are made."""
-    from intervis.view.recordings.recording_file import estimated_bytes
-
-    size_mb = recordings * estimated_bytes(len(numbers), request.most_returns) / 1e6
-    if size_mb > LARGE_RECORDING_MB:
-        tell(
-            f"note: recordings of {len(numbers):,} frames will take up to {size_mb:,.0f} MB;"
-            " --frames, --most and --returns reduce it."
-        )
 
 
 def _has_pillow() -> bool:

@@ -1,4 +1,4 @@
-"""Drives: scans, cameras, poses and timestamps, read from the supported layouts on disk.
+"""Drives: scans, cameras, poses and timestamps, read from the supported layouts.
 
 Each layout has a module with ``EXPECTED_FILES`` (for the error message), ``find_roots`` and
 ``read_drive``.
@@ -6,12 +6,11 @@ Each layout has a module with ``EXPECTED_FILES`` (for the error message), ``find
 
 import contextlib
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
-from intervis.arguments import path_of, shown
+from intervis.arguments import address_of, path_of, shown
 from intervis.drives import (
     argoverse,
     e57_stations,
@@ -30,13 +29,10 @@ from intervis.drives import (
 from intervis.drives.boxes import Box
 from intervis.drives.drive import Drive
 from intervis.drives.frame import Frame, ScannerScan
+from intervis.drives.remote_path import is_remote, remote_path
 from intervis.errors import ArgumentError, DriveError
 
 __all__ = ["Box", "Drive", "Frame", "ScannerScan", "open_drive"]
-
-
-REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
-"""The start of an address that is no path: ``s3://``, ``gs://``, ``https://``."""
 
 
 class _Layout(NamedTuple):
@@ -89,7 +85,8 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     Parameters
     ----------
     path : path-like
-        A folder or a file.
+        A folder or a file; or the address of one in storage that fsspec reads, ``s3://BUCKET/DRIVE``
+        (extras ``s3``, ``gs``; ``remote`` for others). E57 and ROS 2 databases must be local.
     camera : str, optional
         Name of a camera (``image_03``), or its number. Default: the left colour camera, number 2.
 
@@ -101,7 +98,9 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     ------
     DriveError
         `path` does not exist, its layout is not known (the message lists the expected files), it
-        holds several drives, or the drive has no such camera.
+        holds several drives, the drive has no such camera, or the storage refuses.
+    MissingExtraError
+        What reads the format or the address is not installed.
     CalibrationError
         A file of calibration, poses or times is missing where it is needed, or a line of it does
         not parse.
@@ -120,31 +119,44 @@ def open_drive(path: str | os.PathLike[str], *, camera: str | None = None) -> Dr
     if camera is not None and not isinstance(camera, str):
         raise DriveError(f"a camera must be a name or a number in a text, got {shown(camera)}.")
     try:
-        given = path_of(path, "the path of a drive")
-    except ArgumentError as error:
-        raise DriveError(str(error)) from None
-    with contextlib.suppress(RuntimeError):  # ~name of an unknown user
-        given = given.expanduser()
-    try:
+        given = _given(path)
         if not given.exists():
-            scene, topic = nuscenes.find_scene(given), ros_bag.find_topic(given.absolute())
-            if scene is not None:
-                return nuscenes.read_drive(scene.resolve(), camera)
-            if topic is not None:
-                return ros_bag.read_drive(topic.resolve(), camera)
-            if REMOTE.match(str(path)):
-                raise DriveError(
-                    f"{path} is no local path: copy or mount it (for example with rclone), and give"
-                    " the path of the copy."
-                )
-            raise DriveError(f"there is nothing at {given}: check the path.")
+            return _open_name(given, camera)
         root = given.resolve()
         if root.is_file():
             read_file = _FILE_READERS.get(root.suffix.lower(), single_scan.read_drive)
             return read_file(root, camera)
         return _open_folder(root, camera)
     except OSError as error:
-        raise DriveError(f"cannot read {error.filename or given}: {error.strerror}.") from None
+        raise DriveError(f"cannot read {error.filename or path}: {error.strerror}.") from None
+
+
+def _given(path: str | os.PathLike[str]) -> Path:
+    """The path that `open_drive` is given, local or remote."""
+    if is_remote(path):  # of another drive
+        return cast(Path, path)
+    try:
+        given = path_of(path, "the path of a drive")
+    except ArgumentError as error:
+        raise DriveError(str(error)) from None
+    address = address_of(path)
+    if address is not None:
+        scheme, _, place = address.partition("://")
+        return Path("/", place) if scheme == "file" else remote_path(address)
+    with contextlib.suppress(RuntimeError):  # ~name of an unknown user
+        return given.expanduser()
+    return given
+
+
+def _open_name(given: Path, camera: str | None) -> Drive:
+    """The drive of a scene or a topic, which are named below what is there."""
+    scene = nuscenes.find_scene(given)
+    if scene is not None:
+        return nuscenes.read_drive(scene.resolve(), camera)
+    topic = ros_bag.find_topic(given.absolute())
+    if topic is not None:
+        return ros_bag.read_drive(topic.resolve(), camera)
+    raise DriveError(f"there is nothing at {given}: check the path.")
 
 
 def _open_folder(folder: Path, camera: str | None) -> Drive:

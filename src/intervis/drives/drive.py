@@ -21,6 +21,7 @@ from intervis.drives.calibration import CameraCalibration
 from intervis.drives.frame import Frame, ScannerScan
 from intervis.drives.pose_track import PoseTrack
 from intervis.drives.regular_file import open_regular
+from intervis.drives.remote_path import for_each
 from intervis.drives.scan import Scan
 from intervis.drives.scan_file import read_scan
 from intervis.errors import DriveError
@@ -34,7 +35,8 @@ class Drive:
     """A sequence of scans with camera, poses and timestamps; made by `intervis.open_drive`.
 
     A drive holds paths and the content of small files. Scans and images are read when a frame is
-    accessed, and are not kept.
+    accessed, and are not kept. The paths of a remote drive are no `pathlib.Path`, but have what
+    reading needs of it; their text is the address.
 
     Attributes
     ----------
@@ -216,7 +218,8 @@ class Drive:
     def fingerprint(self) -> dict[str, Any]:
         """Identification of the drive's content, independent of its place on disk.
 
-        Only a part of each scan is read, so that long drives take little time.
+        Only a part of each scan is read, so that long drives take little time. It is the same
+        wherever the files lie: on a disk, or in storage that is reached over a network.
 
         Returns
         -------
@@ -232,18 +235,18 @@ class Drive:
         """
         digest, scan_bytes = hashlib.sha256(), 0
         try:
-            for number in self.frame_numbers:
-                with open_regular(self.scan_paths[number]) as file:
-                    size = file.seek(0, 2)
-                    file.seek(max(0, (size - SAMPLE_BYTES) // 2))
-                    digest.update(f"scan {number} {size}\n".encode() + file.read(SAMPLE_BYTES))
+            paths = [self.scan_paths[number] for number in self.frame_numbers]
+            for number, (size, part) in zip(
+                self.frame_numbers, for_each(_size_and_middle, paths), strict=True
+            ):
+                digest.update(f"scan {number} {size}\n".encode() + part)
                 scan_bytes += size
             for number, path in sorted(self.image_paths.items()):
                 digest.update(f"image {number} {path.stat().st_size}\n".encode())
-            for path in self.metadata_files:
-                with open_regular(path) as file:
-                    digest.update(f"file {path.name}\n".encode(errors="surrogateescape"))
-                    digest.update(file.read())
+            contents = for_each(_content, self.metadata_files)
+            for path, content in zip(self.metadata_files, contents, strict=True):
+                digest.update(f"file {path.name}\n".encode(errors="surrogateescape"))
+                digest.update(content)
         except OSError as error:
             raise DriveError(f"cannot read {error.filename}: {error.strerror}.") from None
         return {
@@ -265,3 +268,16 @@ class Drive:
             f"{self.name} has no frame {number}: its {len(self)} frames are numbered"
             f" {numbers[0]} to {numbers[-1]}, nearest {nearest}."
         )
+
+
+def _size_and_middle(path: Path) -> tuple[int, bytes]:
+    """Size of a file, and the bytes in its middle, `SAMPLE_BYTES` at most."""
+    with open_regular(path) as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, (size - SAMPLE_BYTES) // 2))
+        return size, file.read(SAMPLE_BYTES)
+
+
+def _content(path: Path) -> bytes:
+    with open_regular(path) as file:
+        return file.read()

@@ -17,6 +17,7 @@ from intervis.arrays import Float64Array
 from intervis.drives.drive import Drive
 from intervis.drives.pcd_file import rotation_of_quaternion
 from intervis.drives.regular_file import files_with_ending, open_regular
+from intervis.drives.remote_path import check_on_disk
 from intervis.drives.scan import Scan, scan_of_rows
 from intervis.errors import CalibrationError, DriveError, MissingExtraError, ScanError
 from intervis.transform import rigid
@@ -73,6 +74,7 @@ def read_drive(root: Path, camera: str | None) -> Drive:
 
 
 def _opened(path: Path) -> Any:
+    check_on_disk(path)
     try:
         import pye57
     except ImportError:

@@ -118,9 +118,12 @@ def decoded_image(source: Path | bytes, name: Path) -> UInt8Array:
         _check_size(_size_px(io.BytesIO(source), name), name)
     else:
         checked_image_size_px(source)
-    file = io.BytesIO(source) if isinstance(source, bytes) else source
     try:
-        with warnings.catch_warnings(), Image.open(file) as image:
+        with (
+            warnings.catch_warnings(),
+            io.BytesIO(source) if isinstance(source, bytes) else open_regular(source) as file,
+            Image.open(file) as image,
+        ):
             warnings.simplefilter("ignore")  # of damage that does not keep it from decoding
             return np.asarray(image.convert("RGB"))
     except Exception as error:  # Pillow raises various types on damaged files

@@ -21,6 +21,7 @@ from intervis.drives.image_size import warn_of_other_size
 from intervis.drives.kitti_files import image_folders, kitti_camera
 from intervis.drives.numbering import lines_by_number, numbered_files, numbered_scans
 from intervis.drives.point_labels import label_files
+from intervis.drives.remote_path import for_each
 from intervis.drives.trajectory import (
     known_timestamps,
     poses_from_oxts,
@@ -88,8 +89,11 @@ def _read_poses(
         return None, []
     imu = root.parent / "calib_imu_to_velo.txt"
     velo_from_imu = read_calibration_file(imu).rotation_and_translation()
-    values = {number: read_oxts_file(path) for number, path in records.items()}
-    return poses_from_oxts(values, velo_from_imu), [imu, *records.values()]
+    values = for_each(read_oxts_file, records.values())
+    return poses_from_oxts(dict(zip(records, values, strict=True)), velo_from_imu), [
+        imu,
+        *records.values(),
+    ]
 
 
 def _read_timestamps(root: Path, numbers: list[int]) -> tuple[dict[int, int], list[Path]]:

@@ -24,7 +24,7 @@ from intervis.drives.drive import Drive
 from intervis.drives.las_header import check_las_times, read_las_header
 from intervis.drives.laz_chunks import check_chunks
 from intervis.drives.pose_track import PoseTrack
-from intervis.drives.regular_file import files_with_ending
+from intervis.drives.regular_file import files_with_ending, open_regular
 from intervis.drives.scan import Scan, scan_of_rows
 from intervis.errors import (
     CalibrationError,
@@ -264,7 +264,7 @@ def _laspy_reader(path: Path) -> Any:
             raise ImportError
     except ImportError:
         raise MissingExtraError("laspy", "las", "Reading a LAS or LAZ file") from None
-    return laspy.open(path, laz_backend=backend, read_evlrs=False)
+    return laspy.open(open_regular(path), laz_backend=backend, read_evlrs=False)
 
 
 @contextlib.contextmanager

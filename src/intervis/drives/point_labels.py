@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from intervis.drives.regular_file import open_regular
+from intervis.drives.regular_file import open_regular, rest_as_numbers
 from intervis.errors import ScanError
 
 ENDING = ".label"
@@ -98,7 +98,7 @@ def read_labels(path: Path, count: int) -> NDArray[np.uint32]:
     """
     try:
         with open_regular(path) as file:
-            labels = np.fromfile(file, dtype="<u4")
+            labels = rest_as_numbers(file, "<u4")
             size_bytes = file.seek(0, 2)
     except OSError as error:
         raise ScanError(f"cannot read the labels {path}: {error.strerror}.") from None

@@ -19,6 +19,7 @@ from intervis.drives.message_file import (
     zstd_decompressor,
 )
 from intervis.drives.regular_file import open_regular
+from intervis.drives.remote_path import check_on_disk
 from intervis.errors import MissingExtraError, ScanError
 
 MAGIC = b"SQLite format 3\0"
@@ -105,6 +106,7 @@ class Rosbag2Database:
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
+        check_on_disk(self.path)
         try:
             with open_regular(self.path) as file:
                 if file.read(len(MAGIC)) != MAGIC:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from intervis.arrays import Float64Array
+from intervis.arrays import Float32Array, Float64Array
 from intervis.drives.float_columns import column_names, likely_width
 from intervis.drives.pcd_file import read_pcd
 from intervis.drives.ply_file import read_ply
 from intervis.drives.point_cloud2 import decode_point_cloud2, scan_of_cloud
-from intervis.drives.regular_file import open_regular
+from intervis.drives.regular_file import open_regular, rest_as_numbers
 from intervis.drives.scan import Scan, scan_of_rows
 from intervis.drives.threedtk import read_3d
 from intervis.drives.vehicle_axes import X_RIGHT
@@ -35,11 +35,10 @@ def read_bin(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
         The file holds no points, its size is not a multiple of a point's size, or its points have
         not four numbers and the data does not show how many.
     """
-    with open_regular(path) as file:
-        start = file.read(len(CDR_START))
-    if start == CDR_START:
+    numbers, size_bytes = _float32_numbers(path)
+    if numbers[:1].tobytes() == CDR_START:
         return read_cdr(path, velo_from_file)
-    return _read_float32_rows(path, 4, velo_from_file)
+    return _scan_of_numbers(path, numbers, size_bytes, 4, velo_from_file)
 
 
 def read_cdr(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
@@ -55,7 +54,8 @@ def read_nuscenes(path: Path, velo_from_file: Float64Array | None = None) -> Sca
     Its x looks right and its y forward. Unless another motion is given, the points are turned into
     x forward, y left.
     """
-    return _read_float32_rows(path, 5, X_RIGHT.T if velo_from_file is None else velo_from_file)
+    velo_from_file = X_RIGHT.T if velo_from_file is None else velo_from_file
+    return _scan_of_numbers(path, *_float32_numbers(path), 5, velo_from_file)
 
 
 def read_npy(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
@@ -68,10 +68,8 @@ def read_npy(path: Path, velo_from_file: Float64Array | None = None) -> Scan:
         type, or holds no points.
     """
     try:
-        # A memory map fails on a header that declares more than the file holds, and allocates
-        # nothing.
-        open_regular(path).close()
-        rows = np.load(path, mmap_mode="r", allow_pickle=False)
+        with open_regular(path) as file:
+            rows = np.load(file, allow_pickle=False)
     except OSError:
         raise
     except Exception as error:  # numpy evaluates the header as a literal: various types
@@ -143,10 +141,19 @@ def reading(path: Path, reader: Callable[[Path], Scan]) -> Scan:
         raise ScanError(f"cannot read the scan {path}: {_brief(error)}.") from None
 
 
-def _read_float32_rows(path: Path, usual: int, velo_from_file: Float64Array | None) -> Scan:
+def _float32_numbers(path: Path) -> tuple[Float32Array, int]:
+    """The numbers of a file, and its size in bytes."""
     with open_regular(path) as file:
-        values = np.fromfile(file, dtype="<f4")
-        size_bytes = file.seek(0, 2)
+        return rest_as_numbers(file, "<f4"), file.seek(0, 2)
+
+
+def _scan_of_numbers(
+    path: Path,
+    values: Float32Array,
+    size_bytes: int,
+    usual: int,
+    velo_from_file: Float64Array | None,
+) -> Scan:
     width, certain = likely_width(values, usual) if size_bytes % 4 == 0 else (None, True)
     if width is None:
         raise ScanError(

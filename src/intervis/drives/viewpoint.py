@@ -15,6 +15,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array, FloatArray
 from intervis.drives.pcd_file import read_table, read_viewpoint
+from intervis.drives.remote_path import for_each
 from intervis.drives.scan import Scan, coordinates
 from intervis.drives.scan_file import read_scan, scan_ending
 from intervis.errors import DriveError
@@ -175,14 +176,9 @@ def stated_poses(
     read : function of a frame number to Scan, or None
         None where files are read as they stand.
     """
-    poses: dict[int, Float64Array] = {}
-    for number, path in paths.items():
-        if scan_ending(path) == ".pcd":
-            try:
-                viewpoint = read_viewpoint(path)
-            except (DriveError, OSError):
-                continue  # told when the frame is read
-            poses[number] = np.eye(4) if viewpoint is None else viewpoint
+    files = {number: path for number, path in paths.items() if scan_ending(path) == ".pcd"}
+    stated = zip(files, for_each(_stated_pose, files.values()), strict=True)
+    poses = {number: pose for number, pose in stated if pose is not None}
     if all(np.array_equal(pose, np.eye(4)) for pose in poses.values()):
         return None, None
     in_world = _in_world(paths, poses)
@@ -196,6 +192,15 @@ def stated_poses(
         )
         return None, read
     return poses, read
+
+
+def _stated_pose(path: Path) -> Float64Array | None:
+    """The pose in a file; None where it cannot be read, which is told when its frame is."""
+    try:
+        viewpoint = read_viewpoint(path)
+    except (DriveError, OSError):
+        return None
+    return np.eye(4) if viewpoint is None else viewpoint
 
 
 def _in_world(paths: Mapping[int, Path], poses: Mapping[int, Float64Array]) -> bool:

@@ -24,10 +24,10 @@ from intervis.camera import Camera, default_viewpoint
 from intervis.errors import CameraError, PointsError
 from intervis.method import graph
 from intervis.method.criteria import apply_criteria, intervisible_region, reachable_tree
-from intervis.method.field_of_view import AZIMUTH_FOV_DEG, FieldOfView, in_azimuth, in_camera
+from intervis.method.field_of_view import AZIMUTH_FOV_DEG, FieldOfView, in_azimuth, in_camera, taken
 from intervis.method.granularity import choose_tau
 from intervis.method.measures import Measures, Record, measure
-from intervis.method.mesh import build_mesh, star_centroids
+from intervis.method.mesh import build_mesh, edge_lengths, star_centroids
 from intervis.method.sampling import sample_kernels, sample_radius, sample_stride
 from intervis.method.surface import build_surface
 from intervis.result_table import result_table, share
@@ -219,7 +219,7 @@ def analyze(
     # Sec. 2.1: the field of view (Eq. 1, 2), and its sampling by a kernel of granularity tau
     view = field_of_view(raw, camera, extrinsics, settings.view)
     origin = meta_viewpoint(viewpoint, camera, extrinsics)
-    in_view = raw[view.index].astype(np.float64)
+    in_view = taken(raw, view.index)
     clock.lap("fov")
     if tau_for is not None:
         settings = settings.with_changes(tau=tau_for(len(in_view)))
@@ -234,7 +234,7 @@ def analyze(
     # Sec. 2.3: finite elements, and the centroid of each node's subgraph (Eq. 14)
     mesh = build_mesh(surface.chart)
     y = surface.metric_position
-    length = np.linalg.norm(y[mesh.edges[:, 0]] - y[mesh.edges[:, 1]], axis=1)
+    length = edge_lengths(mesh.edges, y)
     to_centroid = np.linalg.norm(y - star_centroids(mesh, y), axis=1)
     clock.lap("S2")
 
@@ -251,7 +251,7 @@ def analyze(
     )
     region = intervisible_region(mesh.triangles, mesh.sides, result.node, result.edge)
     tree = reachable_tree(
-        mesh.edges, length, surface.flow_distance, surface.flow_parent, result.node, result.edge
+        mesh.edges, y, surface.flow_distance, surface.flow_parent, result.node, result.edge
     )
     weight = length if settings.weights == "length" else np.ones(len(length))
     cut = graph.cut(mesh.edges, weight, result.node)

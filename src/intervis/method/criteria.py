@@ -9,12 +9,11 @@ half edge k and half edge k + E are the two directions of edge k.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, Int32Array, IntArray
 from intervis.kernels import kernel, thread_count
+from intervis.method.shortest_paths import edge_rows, shortest_paths
 from intervis.settings import Settings
 
 ANGULAR_NEIGHBOURS = 6
@@ -124,15 +123,26 @@ def apply_criteria(
         agrees = mix_planes_criterion(points, viewpoint, source, target, settings.criterion)
     half_edge = passes & ~handed_over[source] & (l1 > l_gc[source]) & agrees
 
-    backward = np.concatenate([passes[len(edges) :], passes[: len(edges)]])
-    node = np.zeros(nodes, bool)
-    node[source[half_edge]] = True
-    node[target[half_edge & backward]] = True
-    both_ways = passes[: len(edges)] & backward[: len(edges)]
-    edge = node[edges[:, 0]] & node[edges[:, 1]] & both_ways
+    node, edge = np.zeros(nodes, bool), np.empty(len(edges), bool)
+    _mark(edges, passes, half_edge, node, edge)
     return CriterionResult(
         gate=passes, handed_over=handed_over, half_edge=half_edge, node=node, edge=edge
     )
+
+
+@kernel
+def _mark(
+    edges: IntArray, passes: BoolArray, half_edge: BoolArray, node: BoolArray, edge: BoolArray
+) -> None:
+    """Mark intervisibility points and write which edges are intervisible."""
+    count = len(edges)
+    for k in range(count):
+        i, j = edges[k]
+        there, back = half_edge[k], half_edge[k + count]
+        node[i] |= there | (back & passes[k])
+        node[j] |= back | (there & passes[k + count])
+    for k in range(count):
+        edge[k] = node[edges[k, 0]] & node[edges[k, 1]] & passes[k] & passes[k + count]
 
 
 def mix_planes_criterion(
@@ -176,7 +186,8 @@ def _decide(
             to_viewpoint = viewpoint[axis] - points[i, axis]
             product += to_viewpoint * (points[j, axis] - points[i, axis])
         rise = height[j] - height[i]
-        holds[k] = (product < 0.0 and rise > 0.0) or (product > 0.0 and rise < 0.0)
+        # Without "and" and "or": half of their branches would be guessed wrong.
+        holds[k] = ((product < 0.0) & (rise > 0.0)) | ((product > 0.0) & (rise < 0.0))
 
 
 def unoccluded(points: Float64Array, returns: Float64Array, viewpoint: Float64Array) -> BoolArray:
@@ -255,13 +266,27 @@ def intervisible_region(
         Row of the edges of each triangle in `edge`.
     node, edge : (V,) and (E,) bool arrays
     """
-    region: BoolArray = node[triangles].all(axis=1) & (edge[sides].sum(axis=1) >= 2)
+    region = np.empty(len(triangles), bool)
+    _select_region(triangles, sides, node, edge, region)
     return region
+
+
+@kernel
+def _select_region(
+    triangles: IntArray, sides: Int32Array, node: BoolArray, edge: BoolArray, region: BoolArray
+) -> None:
+    """Write which triangles belong to the region."""
+    for k in range(len(triangles)):
+        points, edges = 0, 0
+        for corner in range(3):
+            points += node[triangles[k, corner]]
+            edges += edge[sides[k, corner]]
+        region[k] = points == 3 and edges >= 2
 
 
 def reachable_tree(
     edges: IntArray,
-    length: Float64Array,
+    position: Float64Array,
     flow_distance: Float64Array,
     flow_parent: IntArray,
     node: BoolArray,
@@ -272,26 +297,24 @@ def reachable_tree(
     Its roots are the intervisibility points that P0 reaches directly or, where there are none, the
     one with the least flow distance.
 
+    Parameters
+    ----------
+    edges : (E, 2) int64 array
+    position : (V, 3) float64 array
+        `Surface.metric_position`.
+    flow_distance, flow_parent : (V,) float64 and int64 arrays
+    node, edge : (V,) and (E,) bool arrays
+
     Returns
     -------
     (V,) int64 array
-        The node before each node; -1 for a root, -2 for a node that the tree does not reach.
+        The node before each node; -1 for a root, -2 for a node that the tree does not reach. Of
+        several paths of one length, the node with the shortest path from P0 comes before, then
+        the one with the smallest number.
     """
-    count = len(node)
-    parent = np.full(count, NOT_REACHED)
     roots = np.flatnonzero(node & (flow_parent < 0))
     if not len(roots) and node.any():
         roots = np.flatnonzero(node)[[np.argmin(flow_distance[node])]]
-    if not len(roots):
-        return parent
-    chosen = edges[edge]
-    # P0 is one more node, number `count`. scipy reads a stored length of 0 as "no edge".
-    tiny = np.finfo(np.float64).tiny
-    row = np.concatenate([chosen[:, 0], np.full(len(roots), count)])
-    column = np.concatenate([chosen[:, 1], roots])
-    weight = np.maximum(np.concatenate([length[edge], flow_distance[roots]]), tiny)
-    graph = csr_array((weight, (row, column)), shape=(count + 1, count + 1))
-    before = dijkstra(graph, directed=False, indices=count, return_predecessors=True)[1][:count]
-    reached = before >= 0
-    parent[reached] = np.where(before[reached] == count, ROOT, before[reached])
-    return parent
+    starts, columns = edge_rows(edges, edge, len(node))
+    distance, before = shortest_paths(position, starts, columns, roots, False)
+    return np.where(np.isfinite(distance), before, NOT_REACHED)

@@ -82,6 +82,27 @@ def in_azimuth(points_velo: FloatArray, fov_deg: float) -> FieldOfView:
     return FieldOfView(index[:n_fov].copy(), len(points_velo) - n_dropped, n_dropped)
 
 
+def taken(points: FloatArray, index: IntArray) -> Float64Array:
+    """(n, 3) float64 copy of some points, as ``points[index]`` but faster.
+
+    Examples
+    --------
+    >>> taken(np.array([[5.0, 1, 0], [1, 5, 0]], np.float32), np.array([1])).tolist()
+    [[1.0, 5.0, 0.0]]
+    """
+    chosen = np.empty((len(index), 3))
+    _take(points, index, chosen)
+    return chosen
+
+
+@kernel
+def _take(points: FloatArray, index: IntArray, chosen: Float64Array) -> None:
+    for k in range(len(index)):
+        i = np.uint64(index[k])  # an unsigned index needs no test for negative ones
+        for axis in range(3):
+            chosen[k, axis] = points[i, axis]
+
+
 @kernel
 def _is_return(x: float, y: float, z: float) -> bool:
     # The sum is NaN or large exactly when a term is. (0, 0, 0) marks a beam without return.

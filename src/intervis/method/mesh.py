@@ -105,6 +105,35 @@ def star_centroids(mesh: Mesh, position: Float64Array) -> Float64Array:
         return np.asarray(centroid / area[:, None])
 
 
+def edge_lengths(edges: IntArray, position: Float64Array) -> Float64Array:
+    """(E,) distance between the ends of each edge.
+
+    Parameters
+    ----------
+    edges : (E, 2) int64 array
+    position : (V, 3) float64 array
+
+    Examples
+    --------
+    >>> edge_lengths(np.array([[0, 1]]), np.array([[0.0, 0, 0], [3, 4, 0]])).tolist()
+    [5.0]
+    """
+    length = np.empty(len(edges))
+    _measure(edges, np.ascontiguousarray(position), length)
+    return length
+
+
+@kernel
+def _measure(edges: IntArray, position: Float64Array, length: Float64Array) -> None:
+    """Write the length of each edge."""
+    for k in range(len(edges)):
+        a, b = edges[k, 0], edges[k, 1]
+        dx = position[a, 0] - position[b, 0]
+        dy = position[a, 1] - position[b, 1]
+        dz = position[a, 2] - position[b, 2]
+        length[k] = np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
 @kernel
 def _add_up(
     triangles: IntArray,

@@ -14,7 +14,7 @@ import numpy as np
 from intervis.arrays import Float64Array, IntArray
 from intervis.errors import PointsError
 from intervis.kernels import in_parts, kernel
-from intervis.method.sampling import select
+from intervis.method.ranks import room_for, split
 
 BLOCK = 16
 """Points of a block."""
@@ -60,7 +60,7 @@ def nearest_neighbours(points: Float64Array, count: int) -> IntArray:
     order = np.arange(rows)
     blocks = (rows + BLOCK - 1) // BLOCK
     boxes = np.empty((2 << (blocks - 1).bit_length(), 6))
-    _divide(points, order, np.empty(rows), boxes)
+    _divide(points, order, boxes)
     columns = np.ascontiguousarray(points[order].T)
 
     def work(start: int, stop: int) -> None:
@@ -71,15 +71,14 @@ def nearest_neighbours(points: Float64Array, count: int) -> IntArray:
 
 
 @kernel
-def _divide(
-    points: Float64Array, order: IntArray, value: Float64Array, boxes: Float64Array
-) -> None:
+def _divide(points: Float64Array, order: IntArray, boxes: Float64Array) -> None:
     """Sort `order` into blocks, and write the bounding boxes of the tree's nodes.
 
     Node n has the children 2 n and 2 n + 1; the root is 1. A box is three least and three greatest
     coordinates.
     """
     rows = len(order)
+    value, room = np.empty(rows), room_for(rows)
     # Node, its first block, and its number of blocks; an explicit stack instead of recursion.
     stack = np.empty((DEEPEST, 3), np.int64)
     stack[0, 0], stack[0, 1], stack[0, 2] = 1, 0, (rows + BLOCK - 1) // BLOCK
@@ -87,22 +86,23 @@ def _divide(
     while depth > 0:
         depth -= 1
         node, first, blocks = stack[depth, 0], stack[depth, 1], stack[depth, 2]
-        start, stop = first * BLOCK, min((first + blocks) * BLOCK, rows)
+        own = order[first * BLOCK : min((first + blocks) * BLOCK, rows)]
         widest, extent = 0, -1.0
         for axis in range(3):
             least, greatest = np.inf, -np.inf
-            for k in range(start, stop):
-                least = min(least, points[order[k], axis])
-                greatest = max(greatest, points[order[k], axis])
+            for k in range(len(own)):
+                least = min(least, points[own[k], axis])
+                greatest = max(greatest, points[own[k], axis])
             boxes[node, axis], boxes[node, 3 + axis] = least, greatest
             if greatest - least > extent:
                 widest, extent = axis, greatest - least
         if blocks == 1:
             continue
         near = blocks // 2
-        for k in range(start, stop):
-            value[k] = points[order[k], widest]
-        select(order, value, start, stop, start + near * BLOCK)
+        for k in range(len(own)):
+            value[k] = points[own[k], widest]
+        low, high = boxes[node, widest], boxes[node, 3 + widest]
+        split(own, value[: len(own)], low, high, near * BLOCK, room)
         stack[depth, 0], stack[depth, 1], stack[depth, 2] = 2 * node, first, near
         depth += 1
         stack[depth, 0], stack[depth, 1] = 2 * node + 1, first + near
@@ -142,8 +142,10 @@ def _search(
     for block in range(first_block, last_block):
         start, stop = block * BLOCK, min((block + 1) * BLOCK, rows)
         for axis in range(3):
-            own[axis] = columns[axis, start:stop].min()
-            own[3 + axis] = columns[axis, start:stop].max()
+            own[axis], own[3 + axis] = np.inf, -np.inf
+            for k in range(start, stop):
+                own[axis] = min(own[axis], columns[axis, k])
+                own[3 + axis] = max(own[3 + axis], columns[axis, k])
         square[:], row[:] = np.inf, rows
         _compare(columns, order, start, stop, start, stop, own, scratch, square, row)
         worst = _worst(square, stop - start)
@@ -191,6 +193,8 @@ def _compare(
 ) -> None:
     """Enter the points [begin, end), which lie in a box, as neighbours of [start, stop)."""
     last = square.shape[1] - 1
+    # Of slices the compiler knows that no index is negative.
+    other_x, other_y, other_z = columns[0, begin:end], columns[1, begin:end], columns[2, begin:end]
     for i in range(start, stop):
         x, y, z = columns[0, i], columns[1, i], columns[2, i]
         outside_x = max(box[0] - x, x - box[3], 0.0)
@@ -199,9 +203,9 @@ def _compare(
         near, rows_of_it = square[i - start], row[i - start]
         if outside_x**2 + outside_y**2 + outside_z**2 > near[last]:
             continue
-        for j in range(begin, end):
-            dx, dy, dz = columns[0, j] - x, columns[1, j] - y, columns[2, j] - z
-            scratch[j - begin] = dx * dx + dy * dy + dz * dz
+        for k in range(len(other_x)):
+            dx, dy, dz = other_x[k] - x, other_y[k] - y, other_z[k] - z
+            scratch[k] = dx * dx + dy * dy + dz * dz
         for j in range(begin, end):
             distance = scratch[j - begin]
             if distance > near[last] or j == i:

@@ -8,6 +8,14 @@ import numpy as np
 
 from intervis.arrays import Float64Array, IntArray
 from intervis.kernels import kernel
+from intervis.method.ranks import room_for, split
+
+HISTOGRAM_REACH = 1.5
+"""Standard deviations from the mean within which the cut of a split is looked for. The median is
+never more than one away from the mean."""
+
+MOST_SQUARINGS = 64
+"""Then eigenvalues that differ by rounding alone are told apart."""
 
 NEAR_TIE = 1e-9
 """Squared distances that differ by less than this share are equal."""
@@ -107,7 +115,7 @@ def _partition(
     kernels = (n + tau - 1) // tau
     starts = np.empty(kernels + 1, np.int64)
     starts[kernels] = n
-    projection = np.empty(n)
+    x, y, z, along, room = np.empty(n), np.empty(n), np.empty(n), np.empty(n), room_for(n)
     # An explicit stack instead of recursion: (first kernel, number of kernels) still to be split.
     # The nearer half is split first, so it holds at most 1 + log2(kernels) entries, rounded up.
     stack = np.empty((64, 2), np.int64)
@@ -122,10 +130,13 @@ def _partition(
         if count == 1:
             starts[first] = start
             continue
-        stop = min((first + count) * tau, n)
-        near = count // 2
-        _project(points, order, start, stop, viewpoint, projection)
-        select(order, projection, start, stop, start + near * tau)
+        rows = order[start : min((first + count) * tau, n)]
+        near, size = count // 2, len(rows)
+        mean, deviation = _project(
+            points, rows, viewpoint, x[:size], y[:size], z[:size], along[:size]
+        )
+        low, high = mean - HISTOGRAM_REACH * deviation, mean + HISTOGRAM_REACH * deviation
+        split(rows, along[:size], low, high, near * tau, room)
         stack[depth, 0] = first + near
         stack[depth, 1] = count - near
         stack[depth + 1, 0] = first
@@ -137,114 +148,94 @@ def _partition(
 @kernel
 def _project(
     points: Float64Array,
-    order: IntArray,
-    start: int,
-    stop: int,
+    rows: IntArray,
     viewpoint: Float64Array,
-    projection: Float64Array,
-) -> None:
-    """Coordinates along the first principal axis of order[start:stop], pointing away from P0."""
+    x: Float64Array,
+    y: Float64Array,
+    z: Float64Array,
+    along: Float64Array,
+) -> tuple[float, float]:
+    """Coordinates along the first principal axis of some points, pointing away from P0.
+
+    Writes the points' coordinates to x, y and z, and those along the axis to `along`; returns the
+    mean and the standard deviation of the latter.
+    """
+    # Relative to one of the points: then one pass is as accurate as one for the mean and another.
+    near_x, near_y, near_z = points[rows[0]]
     mx = my = mz = 0.0
-    for k in range(start, stop):
-        i = order[k]
-        mx += points[i, 0]
-        my += points[i, 1]
-        mz += points[i, 2]
-    count = stop - start
-    mx /= count
-    my /= count
-    mz /= count
     xx = xy = xz = yy = yz = zz = 0.0
-    for k in range(start, stop):
-        i = order[k]
-        x = points[i, 0] - mx
-        y = points[i, 1] - my
-        z = points[i, 2] - mz
-        xx += x * x
-        xy += x * y
-        xz += x * z
-        yy += y * y
-        yz += y * z
-        zz += z * z
+    for k in range(len(rows)):
+        i = np.uint64(rows[k])
+        dx, dy, dz = points[i, 0] - near_x, points[i, 1] - near_y, points[i, 2] - near_z
+        x[k], y[k], z[k] = dx, dy, dz
+        mx += dx
+        my += dy
+        mz += dz
+        xx += dx * dx
+        xy += dx * dy
+        xz += dx * dz
+        yy += dy * dy
+        yz += dy * dz
+        zz += dz * dz
+    n = len(rows)
+    mx, my, mz = mx / n, my / n, mz / n
+    xx, xy, xz = xx - n * mx * mx, xy - n * mx * my, xz - n * mx * mz
+    yy, yz, zz = yy - n * my * my, yz - n * my * mz, zz - n * mz * mz
     ax, ay, az = _first_axis(xx, xy, xz, yy, yz, zz)
-    away = ax * (mx - viewpoint[0]) + ay * (my - viewpoint[1]) + az * (mz - viewpoint[2])
+    away = (
+        ax * (near_x + mx - viewpoint[0])
+        + ay * (near_y + my - viewpoint[1])
+        + az * (near_z + mz - viewpoint[2])
+    )
     if away < 0.0:
         ax, ay, az = -ax, -ay, -az
-    for k in range(start, stop):
-        i = order[k]
-        projection[k] = ax * points[i, 0] + ay * points[i, 1] + az * points[i, 2]
+    for k in range(len(rows)):
+        along[k] = ax * x[k] + ay * y[k] + az * z[k]
+    squares = (
+        ax * (ax * xx + 2 * ay * xy) + ay * (ay * yy + 2 * az * yz) + az * (az * zz + 2 * ax * xz)
+    )
+    return ax * mx + ay * my + az * mz, np.sqrt(max(squares, 0.0) / n)
 
 
 @kernel
 def _first_axis(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
 ) -> tuple[float, float, float]:
-    """Unit eigenvector of the largest eigenvalue of a symmetric 3x3 matrix (Jacobi's method)."""
-    a = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    v = np.eye(3)
-    for _ in range(12):
-        off = a[0, 1] * a[0, 1] + a[0, 2] * a[0, 2] + a[1, 2] * a[1, 2]
-        if off <= 1e-24 * (a[0, 0] + a[1, 1] + a[2, 2]) ** 2:
+    """Unit eigenvector of the largest eigenvalue of a positive semi-definite matrix.
+
+    The matrix is squared again and again. That squares the ratios of its eigenvalues, so that what
+    is left is the largest one's share: every column is a multiple of its eigenvector.
+    """
+    for _ in range(MOST_SQUARINGS):
+        trace = xx + yy + zz
+        if not trace > 0.0:
+            return 1.0, 0.0, 0.0
+        scale = 1.0 / trace
+        xx, xy, xz, yy, yz, zz = (
+            xx * scale,
+            xy * scale,
+            xz * scale,
+            yy * scale,
+            yz * scale,
+            zz * scale,
+        )
+        xx, xy, xz, yy, yz, zz = (
+            xx * xx + xy * xy + xz * xz,
+            xx * xy + xy * yy + xz * yz,
+            xx * xz + xy * yz + xz * zz,
+            xy * xy + yy * yy + yz * yz,
+            xy * xz + yy * yz + yz * zz,
+            xz * xz + yz * yz + zz * zz,
+        )
+        if xx + yy + zz > 1.0 - 1e-8:  # the others' share was below 1e-8, and is now below 1e-16
             break
-        for p in range(2):
-            for q in range(p + 1, 3):
-                if a[p, q] == 0.0:
-                    continue
-                ratio = (a[q, q] - a[p, p]) / (2.0 * a[p, q])
-                sign = 1.0 if ratio >= 0.0 else -1.0
-                t = sign / (abs(ratio) + np.sqrt(ratio * ratio + 1.0))
-                c = 1.0 / np.sqrt(t * t + 1.0)
-                s = t * c
-                for k in range(3):
-                    kp = a[k, p]
-                    kq = a[k, q]
-                    a[k, p] = c * kp - s * kq
-                    a[k, q] = s * kp + c * kq
-                for k in range(3):
-                    pk = a[p, k]
-                    qk = a[q, k]
-                    a[p, k] = c * pk - s * qk
-                    a[q, k] = s * pk + c * qk
-                    kp = v[k, p]
-                    kq = v[k, q]
-                    v[k, p] = c * kp - s * kq
-                    v[k, q] = s * kp + c * kq
-    best = 0
-    if a[1, 1] > a[best, best]:
-        best = 1
-    if a[2, 2] > a[best, best]:
-        best = 2
-    return v[0, best], v[1, best], v[2, best]
-
-
-@kernel
-def select(order: IntArray, value: Float64Array, start: int, stop: int, target: int) -> None:
-    """Quickselect: sort the smallest values of [start, stop) before position `target`."""
-    low = start
-    high = stop - 1
-    while low < high:
-        # The pivot is the median of three, so that sorted and reversed input cost linear time.
-        middle = (low + high) // 2
-        a, b, c = value[low], value[middle], value[high]
-        pivot = max(min(a, b), min(max(a, b), c))
-        i = low
-        j = high
-        while i <= j:
-            while value[i] < pivot:
-                i += 1
-            while value[j] > pivot:
-                j -= 1
-            if i <= j:
-                value[i], value[j] = value[j], value[i]
-                order[i], order[j] = order[j], order[i]
-                i += 1
-                j -= 1
-        if target <= j:
-            high = j
-        elif target >= i:
-            low = i
-        else:
-            return
+    x, y, z = xz, yz, zz
+    if xx >= yy and xx >= zz:
+        x, y, z = xx, xy, xz
+    elif yy >= zz:
+        x, y, z = xy, yy, yz
+    size = np.sqrt(x * x + y * y + z * z)
+    return x / size, y / size, z / size
 
 
 @kernel
@@ -277,13 +268,14 @@ def _nearest_to_mean(
             dy = points[i, 1] - my
             dz = points[i, 2] - mz
             square = dx * dx + dy * dy + dz * dz
+            if square > best * (1.0 + NEAR_TIE):
+                continue
             sx = points[i, 0] - viewpoint[0]
             sy = points[i, 1] - viewpoint[1]
             sz = points[i, 2] - viewpoint[2]
             sight = sx * sx + sy * sy + sz * sz
             nearer = square < best * (1.0 - NEAR_TIE)
-            tie = not nearer and square <= best * (1.0 + NEAR_TIE)
-            if nearer or (tie and (sight < best_sight or (sight == best_sight and i < node))):
+            if nearer or sight < best_sight or (sight == best_sight and i < node):
                 best = square
                 best_sight = sight
                 node = i

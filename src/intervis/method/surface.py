@@ -7,14 +7,14 @@ neighbours (cohesion, Eq. 3) and repelled by the meta-viewpoint (repulsion, Eq. 
 points are then projected to two coordinates that keep their direction as seen from P0.
 """
 
-import heapq
 from dataclasses import dataclass
 
 import numpy as np
 
-from intervis.arrays import BoolArray, Float64Array, FloatArray, Int32Array, IntArray
+from intervis.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from intervis.kernels import kernel
 from intervis.method.neighbours import nearest_neighbours
+from intervis.method.shortest_paths import neighbour_rows, shortest_paths
 from intervis.settings import Settings
 
 NEIGHBOURS = 8
@@ -166,9 +166,8 @@ def flow_paths(
         The node before each node; -1 where P0 is. Of several paths of one length it is the node
         with the least D', then with the smallest number.
     """
-    starts, columns = _both_directions(neighbours)
-    distance, parent = _shortest_paths(y, starts, columns, np.flatnonzero(reached))
-    return distance, parent
+    starts, columns = neighbour_rows(neighbours)
+    return shortest_paths(y, starts, columns, np.flatnonzero(reached), True)
 
 
 def cohesion_force(y: Float64Array, neighbours: IntArray, scale: float) -> Float64Array:
@@ -197,20 +196,18 @@ def repulsion_force(
         return np.zeros_like(y)
     radius = float(np.median(distance)) if radius is None else radius
     rho = distance / radius if radius > 0 else np.ones_like(distance)
-    before = np.where((parent >= 0)[:, None], y[parent], 0.0)
-    step = y - before
-    length = np.linalg.norm(step, axis=1)
+    step, length = np.empty(y.shape), np.empty(len(y))
+    _last_steps(np.ascontiguousarray(y), parent, step, length)
     inside = (rho < 1.0) & (rho > 0.0) & (length > 0.0)
-    force = np.zeros_like(y)
     if not inside.any():
-        return force
+        return np.zeros_like(y)
     r = rho[inside]
     # rho + beta (rho^-3 - rho^-2) increases everywhere if it increases at the smallest rho.
     steepest = float((3 * r**-4 - 2 * r**-3).max())
     beta = min(scale, 0.5 / steepest)
-    size = beta * (1.0 / r - 1.0) / r**2 * radius
-    force[inside] = (size / length[inside])[:, None] * step[inside]
-    return force
+    share = np.zeros(len(y))  # the size of the force, in lengths of the step
+    share[inside] = beta * (1.0 / r - 1.0) / r**2 * radius / length[inside]
+    return np.asarray(share[:, None] * step)
 
 
 def chart_coordinates(
@@ -259,6 +256,20 @@ def _nearest_of_each(group: IntArray, square: Float64Array, groups: int) -> IntA
 
 
 @kernel
+def _last_steps(
+    y: Float64Array, parent: IntArray, step: Float64Array, length: Float64Array
+) -> None:
+    """Write the last step of the path to each point, from its parent or from P0, and its length."""
+    for i in range(len(y)):
+        x0 = y0 = z0 = 0.0
+        if parent[i] >= 0:
+            x0, y0, z0 = y[parent[i]]
+        dx, dy, dz = y[i, 0] - x0, y[i, 1] - y0, y[i, 2] - z0
+        step[i, 0], step[i, 1], step[i, 2] = dx, dy, dz
+        length[i] = np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@kernel
 def _pull(y: Float64Array, neighbours: IntArray, scale: float, force: Float64Array) -> None:
     """Write the force towards the mean of the neighbours."""
     rows, count = neighbours.shape
@@ -268,71 +279,3 @@ def _pull(y: Float64Array, neighbours: IntArray, scale: float, force: Float64Arr
             for k in range(count):
                 total += y[neighbours[i, k], axis]
             force[i, axis] = scale * (total / count - y[i, axis])
-
-
-@kernel
-def _both_directions(neighbours: IntArray) -> tuple[IntArray, Int32Array]:
-    """The neighbour relation in both directions: offset of each row, and columns.
-
-    The columns of a row are its own neighbours, then the rows whose neighbour it is.
-    """
-    rows, width = neighbours.shape
-    starts = np.zeros(rows + 1, np.int64)
-    for i in range(rows):
-        starts[i + 1] += width
-        for k in range(width):
-            starts[neighbours[i, k] + 1] += 1
-    for i in range(rows):
-        starts[i + 1] += starts[i]
-    columns, free = np.empty(starts[rows], np.int32), starts[:-1] + width
-    for i in range(rows):
-        for k in range(width):
-            j = neighbours[i, k]
-            columns[starts[i] + k] = j
-            columns[free[j]] = i
-            free[j] += 1
-    return starts, columns
-
-
-@kernel
-def _shortest_paths(
-    y: Float64Array, starts: IntArray, columns: Int32Array, reached: IntArray
-) -> tuple[Float64Array, IntArray]:
-    """Dijkstra's algorithm from the origin; the heap holds (distance, node)."""
-    n = y.shape[0]
-    direct = np.empty(n)
-    for i in range(n):
-        direct[i] = np.sqrt(y[i, 0] ** 2 + y[i, 1] ** 2 + y[i, 2] ** 2)
-    nearest_first = np.argsort(direct, kind="mergesort")  # stable: the smallest number first
-    distance = np.full(n, np.inf)
-    parent = np.full(n, -1, np.int64)
-    done = np.zeros(n, np.bool_)
-    heap = [(direct[i], i) for i in reached]
-    heapq.heapify(heap)
-    for i in reached:
-        distance[i] = direct[i]
-    next_direct = 0
-    while True:
-        if len(heap) == 0:
-            while next_direct < n and done[nearest_first[next_direct]]:
-                next_direct += 1
-            if next_direct == n:
-                return distance, parent
-            i = nearest_first[next_direct]
-            distance[i] = direct[i]
-            heapq.heappush(heap, (direct[i], i))
-        i = heapq.heappop(heap)[1]
-        if done[i]:
-            continue
-        done[i] = True
-        for k in range(starts[i], starts[i + 1]):
-            j = np.int64(columns[k])
-            if done[j]:
-                continue
-            length = np.sqrt(
-                (y[i, 0] - y[j, 0]) ** 2 + (y[i, 1] - y[j, 1]) ** 2 + (y[i, 2] - y[j, 2]) ** 2
-            )
-            if distance[i] + length < distance[j]:
-                distance[j] = distance[i] + length
-                parent[j] = i
-                heapq.heappush(heap, (distance[j], j))

@@ -281,11 +281,21 @@ def load_analysis(path: Path) -> "Analysis":
     OutputError
         As `load_frame`.
     """
+    return analysis_in(path, load_frame(path))
+
+
+def analysis_in(path: Path, arrays: Arrays) -> "Analysis":
+    """The analysis among the arrays of a frame file.
+
+    Raises
+    ------
+    OutputError
+        Arrays are missing, or are none of this version.
+    """
     from intervis.method.analysis import Analysis, StageTimes
     from intervis.method.measures import Measures
 
-    arrays = load_frame(path)
-    record = _record(path, arrays)
+    record = record_in(path, arrays)
     counts = {field.name for field in dataclasses.fields(Measures) if field.type is int}
     measures: dict[str, Any] = {
         name: int(value) if name in counts else value for name, value in record.measures.items()
@@ -316,14 +326,20 @@ def load_sight(path: Path) -> FrameSight:
     OutputError
         As `load_frame`; or the run asked for no sight lines.
     """
-    sight = _sight(path, load_frame(path))
+    sight = sight_in(path, load_frame(path))
     if sight is None:
         raise OutputError(f"{path} holds no sight lines: run with sight lines (--sight).")
     return sight
 
 
-def _sight(path: Path, arrays: Arrays) -> FrameSight | None:
-    """The sight lines among the arrays of a frame file; None if it has none."""
+def sight_in(path: Path, arrays: Arrays) -> FrameSight | None:
+    """The sight lines among the arrays of a frame file; None if it has none.
+
+    Raises
+    ------
+    OutputError
+        The arrays do not fit together.
+    """
     found = [arrays.get(f"sight_{name}") for name in SIGHT_ARRAYS]
     viewpoint, state, probability = found
     if viewpoint is None or state is None or probability is None:
@@ -344,17 +360,24 @@ def load_record(path: Path, fingerprint: str | None = None) -> FrameRecord:
     arrays = load_frame(path)
     if fingerprint is not None and str(arrays.get("fingerprint")) != fingerprint:
         raise OutputError(f"{path} was made from another scan, pose, camera or setting.")
-    return _record(path, arrays)
+    return record_in(path, arrays)
 
 
-def _record(path: Path, arrays: Arrays) -> FrameRecord:
+def record_in(path: Path, arrays: Arrays) -> FrameRecord:
+    """The record among the arrays of a frame file.
+
+    Raises
+    ------
+    OutputError
+        Arrays are missing, or do not fit together.
+    """
     try:
         measures = dict(
             zip(arrays["measure_names"].tolist(), arrays["measures"].tolist(), strict=True)
         )
         times_s = dict(zip(arrays["time_names"].tolist(), arrays["times_s"].tolist(), strict=True))
         tau = int(arrays["tau"]) if "tau" in arrays else None
-        sight = _sight(path, arrays)
+        sight = sight_in(path, arrays)
         shares = None if sight is None else sight.shares
         number = int(arrays["number"])
         return FrameRecord(number, measures, times_s, tau, reused=True, sight=shares)

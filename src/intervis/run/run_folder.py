@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from intervis.errors import OutputError
-from intervis.files import write_text
+from intervis.files import refuse_address, write_text
 from intervis.output_folder import is_marked, is_own_file, locked, refuse_links
 from intervis.run.summary import as_json, differences, read_summary, same_results, summarize
 from intervis.settings import Settings
@@ -76,6 +76,7 @@ def finish(out: Path, content: Mapping[str, Any]) -> None:
 
 def _check(out: Path, head: Mapping[str, Any], settings: Settings, *, overwrite: bool) -> None:
     """Raise where the folder holds another run, or files of others under the names of ours."""
+    refuse_address(out)
     if out.exists() and not out.is_dir():
         raise OutputError(f"{out} is a file: choose a folder for the results.")
     refuse_links(out / "frames", out / "summary.json", out / "settings.toml")

@@ -185,7 +185,9 @@ class _Ahead:
 def _read(stretch: Stretch, number: int) -> _ReadFrame:
     """Read a frame, and what an earlier run left of it."""
     frame = stretch.drive[number]
-    fingerprint = _fingerprint(frame, stretch)
+    fingerprint = input_fingerprint(
+        stretch.drive, frame, stretch.settings, stretch.viewpoint.requested, stretch.sight
+    )
     path = frame_path(stretch.out, number)
     return _ReadFrame(frame, fingerprint, *_record_of_earlier_run(path, fingerprint))
 
@@ -255,15 +257,36 @@ def _sight(frame: "Frame", stretch: Stretch, analysis: Analysis) -> FrameSight |
     return sight_of_scan(frame.points, start, stretch.sight.risk)
 
 
-def _fingerprint(frame: "Frame", stretch: Stretch) -> str:
-    """Digest of the frame and the run; sight lines from the next place depend on its pose."""
+def input_fingerprint(
+    drive: "Drive",
+    frame: "Frame",
+    settings: Settings,
+    viewpoint: str | Sequence[float],
+    sight: SightRequest | None,
+) -> str:
+    """Digest of a frame and a run; sight lines from the next place depend on its pose.
+
+    Parameters
+    ----------
+    drive : Drive
+    frame : Frame
+    settings : Settings
+    viewpoint : str or sequence of float
+        As it was asked for.
+    sight : SightRequest or None
+
+    Raises
+    ------
+    DriveError
+        Sight lines from the next place are asked, and a pose is missing.
+    """
     asked: list[object] = []
-    if stretch.sight is not None:
-        asked.append(stretch.sight.described())
-        if stretch.sight.place == "next":
-            start = stretch.sight.start(stretch.drive, frame, np.zeros(3))
+    if sight is not None:
+        asked.append(sight.described())
+        if sight.place == "next":
+            start = sight.start(drive, frame, np.zeros(3))
             asked.append(None if start is None else start.tolist())
-    return frame_fingerprint(frame, stretch.settings, stretch.viewpoint.requested, asked)
+    return frame_fingerprint(frame, settings, viewpoint, asked)
 
 
 def _record_of_earlier_run(path: Path, fingerprint: str) -> tuple[FrameRecord | None, str]:

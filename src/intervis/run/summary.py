@@ -33,9 +33,10 @@ def describe(
     viewpoint: str | list[float],
     sight: SightRequest | None = None,
 ) -> Content:
-    """Program version, requested viewpoint, settings, sight lines and input of a run."""
+    """Program version, requested viewpoint, settings, sight lines, place and input of a run."""
     head = {
         "intervis": intervis.__version__,
+        "source": str(drive.root),
         "viewpoint": viewpoint,
         "settings": settings.model_dump(mode="json"),
         **({} if sight is None else {"sight": sight.described()}),
@@ -126,8 +127,9 @@ def _sight_shares(record: FrameRecord) -> Content:
 
 
 def same_results(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> bool:
-    """Whether two summaries hold the same frames, failures and completeness."""
-    return all(earlier.get(name) == now.get(name) for name in ("complete", "frames", "failures"))
+    """Whether two summaries hold the same frames, failures, completeness and place of the drive."""
+    names = ("complete", "source", "frames", "failures")
+    return all(earlier.get(name) == now.get(name) for name in names)
 
 
 def as_json(content: Mapping[str, Any]) -> str:

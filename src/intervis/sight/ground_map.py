@@ -9,6 +9,7 @@ assumption for the prior alone: the height of the nearest known cell, marked by 
 import numpy as np
 
 from intervis.arrays import LARGEST_M, BoolArray, Float32Array, Float64Array, IntArray
+from intervis.errors import SceneError
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.kernels.terrain import (
     ASSUMED_OFFSET_M,
@@ -69,7 +70,13 @@ def shown_ground(scans: PackedScans, nth: int) -> Float64Array:
 
     None where all of it lies less than `LEAST_BELOW_M` below the scanner: the hits of level beams
     on walls are no ground.
+
+    Raises
+    ------
+    SceneError
+        The scene's z axis is not up.
     """
+    _check_level(scans)
     ground_m = scans.ground[nth]
     shown = ground_m > -0.5 * ASSUMED_OFFSET_M
     if not (ground_m[shown] < -LEAST_BELOW_M).any():
@@ -91,7 +98,13 @@ def ground_height(scans: PackedScans, xy: Float64Array, count: int = 1) -> Float
     the nearest cell where it does; NaN if it shows none, or the point is not finite or farther
     than 1e9 m. With a larger count the median of so many nearest scans that show the ground there,
     so that ghosts below the ground in one scan do not matter; as with 1 where none shows it.
+
+    Raises
+    ------
+    SceneError
+        The scene's z axis is not up.
     """
+    _check_level(scans)
     finite = np.asarray((np.abs(xy) <= LARGEST_M).all(axis=1))
     xy = np.where(finite[:, None], xy, 0.0)
     height_m, _ = _height_by(scans, xy, nearest_scans(scans, xy))
@@ -100,6 +113,15 @@ def ground_height(scans: PackedScans, xy: Float64Array, count: int = 1) -> Float
         several = np.isfinite(shown_m).any(axis=1)
         height_m[several] = np.nanmedian(shown_m[several], axis=1)
     return np.where(finite, height_m, np.nan)
+
+
+def _check_level(scans: PackedScans) -> None:
+    """Check that z is up: the ground of a tilted frame has no height over its x and y."""
+    if not np.array_equal(scans.level_from_scene, np.eye(3)):
+        raise SceneError(
+            "the scanner is tilted and its scan has no pose, so that the ground has no height over"
+            " x and y: add the scan with its pose, in a frame whose z axis points up."
+        )
 
 
 def _height_by(

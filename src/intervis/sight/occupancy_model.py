@@ -20,7 +20,7 @@ height h above ground is occupied are
 
     log_odds = height_log_odds(h) + sum over scans k of weight_k depth_log_odds(d_k)
 
-where h counts along gravity, the scene's z axis, from the nearest scan's ground. Where that scan
+where h counts along gravity (`Scene.up`), from the nearest scan's ground. Where that scan
 does not show the ground, `assumed_height_log_odds` of the height above the nearest ground that it
 shows stands in, and `unknown_height_log_odds` if it shows none;
 weight_k (`scan_weights`) decays with the rank of the scan. `depth_log_odds` has one curve for

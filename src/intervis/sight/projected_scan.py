@@ -20,7 +20,7 @@ class ProjectedScan:
     xyz : (3, N) float64 array
         Coordinates in the sensor's frame, metres.
     level : (3, N) float64 array
-        Coordinates around the sensor in the scene's axes, metres; the third is the height.
+        Coordinates around the sensor in axes of which z points up, metres.
     azimuth, elevation : (N,) float64 arrays
         Pseudo-angles, see `intervis.sight.kernels.projection`.
     planar_m, range_m : (N,) float64 arrays
@@ -37,9 +37,13 @@ class ProjectedScan:
     def __len__(self) -> int:
         return len(self.range_m)
 
+    def turn_level(self, level_from_sensor: Float64Array) -> None:
+        """Write the level coordinates by another rotation (3, 3) than that of `project_scan`."""
+        rotate_points(np.array(level_from_sensor, np.float64, order="C"), self.xyz, self.level)
+
 
 def project_scan(
-    points_velo: FloatArray, scene_from_sensor: Float64Array | None = None
+    points_velo: FloatArray, level_from_sensor: Float64Array | None = None
 ) -> ProjectedScan:
     """Project the returns of a scan.
 
@@ -47,8 +51,8 @@ def project_scan(
     ----------
     points_velo : (N, 3) float array
         Finite points in the sensor's frame, metres.
-    scene_from_sensor : (4, 4) float64 array or None
-        Pose in a scene whose z axis points up. None: the sensor stands upright.
+    level_from_sensor : (3, 3) float64 array or None
+        Rotation to axes of which z points up. None: the sensor stands upright.
 
     Examples
     --------
@@ -56,12 +60,12 @@ def project_scan(
     >>> scan.planar_m, scan.elevation
     (array([5., 2.]), array([0., 2.]))
     """
-    pose = np.eye(4) if scene_from_sensor is None else scene_from_sensor
+    rotation = np.eye(3) if level_from_sensor is None else level_from_sensor
     # One large block: glibc then keeps freed memory of that size for the next scan. Smaller ones
     # are given back to the system, and fresh pages cost more than all that is done here.
     rows = np.empty((10, len(points_velo)))
     scan = ProjectedScan(rows[:3], rows[3:6], *rows[6:])
     scan.xyz[:] = points_velo[:, :3].T
     project_points(scan.xyz, scan.azimuth, scan.elevation, scan.planar_m, scan.range_m)
-    rotate_points(np.array(pose[:3, :3], np.float64, order="C"), scan.xyz, scan.level)
+    scan.turn_level(rotation)
     return scan

@@ -112,7 +112,8 @@ def range_image_of(
     >>> round(float(image.unit_m * np.abs(image.pixels).max()), 2)
     10.0
     """
-    return range_image_of_projected(project_scan(points_velo, scene_from_sensor), sensor)
+    level_from_sensor = None if scene_from_sensor is None else scene_from_sensor[:3, :3]
+    return range_image_of_projected(project_scan(points_velo, level_from_sensor), sensor)
 
 
 def range_image_of_projected(scan: ProjectedScan, sensor: Sensor) -> RangeImage:

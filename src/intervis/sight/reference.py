@@ -328,7 +328,7 @@ def _height_above_ground(
     scans: PackedScans, k: int, points: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
     """Heights above the known ground, and above the assumed one; NaN where it is the other."""
-    from_sensor = points - scans.position[k]
+    from_sensor = (points - scans.position[k]) @ scans.level_from_scene.T
     cell = np.floor((from_sensor[:, :2] + BORDER_M) / CELL_M).astype(int) + CELLS // 2
     a, b = np.clip(cell, 0, CELLS - 1).T
     ground = scans.ground[k][a, b].astype(np.float64)

@@ -2,6 +2,7 @@
 
 import threading
 import weakref
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -62,6 +63,7 @@ class ScanBuffer:
         self._packed: PackedScans | None = None
         self._lent: list[tuple[weakref.ref[Any], frozenset[int]]] = []
         """Packed scans in use (their `offset`), and the slots of the pool that they refer to."""
+        self._level_from_scene: Float64Array | None = None
         self._spare = 0
         self._borrowed = False
         """Whether the pool is another buffer's, and must be copied before it is written to."""
@@ -80,6 +82,7 @@ class ScanBuffer:
             copy = ScanBuffer(self.max_scans, self.max_bytes)
             copy._pool, copy._borrowed = self._pool, True
             copy._entries = list(self._entries)
+            copy._level_from_scene = self._level_from_scene
             copy._packed = self.packed() if self._entries else None  # which keeps the slots
             return copy
 
@@ -92,6 +95,20 @@ class ScanBuffer:
         """Memory of the pool and the ground maps."""
         with self.lock:
             return self._pool.nbytes + sum(entry.image.ground_m.nbytes for entry in self._entries)
+
+    @property
+    def level_from_scene(self) -> Float64Array:
+        """(3, 3) rotation of the scene's axes to those of the ground maps, whose z is up."""
+        return np.eye(3) if self._level_from_scene is None else self._level_from_scene
+
+    def level_with(self, of_first_scan: Callable[[], Float64Array]) -> Float64Array:
+        """The same; the first call sets it, once for all scans."""
+        if self._level_from_scene is None:
+            found = of_first_scan()
+            with self.lock:
+                if self._level_from_scene is None:
+                    self._level_from_scene = found
+        return self.level_from_scene
 
     @property
     def poses(self) -> Float64Array:
@@ -201,6 +218,7 @@ class ScanBuffer:
             sensor_from_scene=np.array([inverse(pose)[:3] for pose in poses]),
             position=np.ascontiguousarray(poses[:, :3, 3]),
             ground=np.array([image.ground_m for image in images]),
+            level_from_scene=self.level_from_scene,
             age_cost_m=np.zeros(len(images)),
             time_offset_s=np.full(len(images), np.nan),
         )

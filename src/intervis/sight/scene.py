@@ -24,6 +24,7 @@ from intervis.result_table import metres, result_table
 from intervis.sight.answers import answer_lines, sum_lines
 from intervis.sight.box_sight import BoxSight, box_sight
 from intervis.sight.box_surface import facing_surfaces
+from intervis.sight.gravity import level_rotation, tilt_of, up_of_scan
 from intervis.sight.ground_map import ground_height
 from intervis.sight.kernels.packed_scans import PackedScans
 from intervis.sight.occupancy_model import DEFAULT_RISK
@@ -114,7 +115,9 @@ class Scene:
 
     def __repr__(self) -> str:
         scans = len(self)
-        return f"<Scene: {scans} scan{'' if scans == 1 else 's'}, {self.bytes / 1e6:.1f} MB>"
+        size = f"{scans} scan{'' if scans == 1 else 's'}, {self.bytes / 1e6:.1f} MB"
+        tilted = f", tilted by {self.tilt_deg:.0f} degrees" if self.tilt_deg else ""
+        return f"<Scene: {size}{tilted}>"
 
     def _repr_html_(self) -> str:
         """How many scans over which time and way, as a notebook shows it."""
@@ -127,12 +130,33 @@ class Scene:
             "time from first to last": f"{np.ptp(times_s):.1f} s" if timed else "-",
             "way from scan to scan": metres(way_m),
         }
+        if self.tilt_deg:
+            rows["tilt, estimated"] = f"{self.tilt_deg:.0f} degrees"
         return result_table("Scene", rows)
 
     @property
     def bytes(self) -> int:
         """Memory of the scans, bytes."""
         return self._buffer.bytes
+
+    @property
+    def up(self) -> Float64Array:
+        """(3,) unit vector against gravity, scene frame.
+
+        The z axis, unless the first scan came without a pose and shows that the sensor is tilted
+        (`intervis.sight.gravity`). It decides on heights above the ground.
+
+        Examples
+        --------
+        >>> Scene.from_scan(np.zeros((0, 3))).up
+        array([0., 0., 1.])
+        """
+        return np.array(self._buffer.level_from_scene[2])
+
+    @property
+    def tilt_deg(self) -> float:
+        """Angle between `up` and the scene's z axis, degrees; 0 where they are one."""
+        return tilt_of(self.up)
 
     @property
     def poses(self) -> Float64Array:
@@ -154,7 +178,9 @@ class Scene:
         points : (N, 3) or (N, 4) float32 or float64 array
             In the sensor's frame: sensor at the origin, x forward, y left, z up, metres.
         pose : (4, 4) array or None
-            world_from_velo: the scene's frame is the world's. None: it is the sensor's.
+            world_from_velo: the scene's frame is the world's, whose z axis points up. None: it is
+            the sensor's. The first scan of a scene, if it has none, shows whether the sensor is
+            tilted; see `up`.
         timestamp_s : float or None
             Time of the scan, seconds from any start; see `moment_s` of `sight`.
 
@@ -171,7 +197,12 @@ class Scene:
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         finite = finite_rows(xyz)
         kept = xyz if finite.all() else xyz[finite]
-        scan = project_scan(kept, scene_from_sensor)
+        scan = project_scan(kept, scene_from_sensor[:3, :3])
+        level_from_scene = self._buffer.level_with(
+            lambda: np.eye(3) if pose is not None else level_rotation(up_of_scan(scan))
+        )
+        if tilt_of(level_from_scene[2]):
+            scan.turn_level(level_from_scene @ scene_from_sensor[:3, :3])
         sensor = sensor_of_projected(scan) if self.sensor is None else self.sensor
         time_s = (
             np.nan if timestamp_s is None else finite_number("timestamp_s", timestamp_s, "seconds")
@@ -386,7 +417,7 @@ class Scene:
         PointsError
             Wrong shape or type.
         SceneError
-            The scene holds no scan.
+            The scene holds no scan, or its z axis is not up (see `up`).
 
         Examples
         --------

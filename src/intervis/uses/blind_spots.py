@@ -57,10 +57,20 @@ class BlindSpot:
     outline: tuple[Float64Array, ...]
 
 
-def blind_spots(grid: VisibilityGrid, *, least_area_m2: float = LEAST_AREA_M2) -> list[BlindSpot]:
+def blind_spots(
+    grid: VisibilityGrid, *, least_area_m2: float = LEAST_AREA_M2, has_outlines: bool = True
+) -> list[BlindSpot]:
     """The connected blind spots of a grid, nearest first.
 
     Cells that touch along an edge are connected.
+
+    Parameters
+    ----------
+    grid : VisibilityGrid
+    least_area_m2 : float
+        Smaller spots are left out.
+    has_outlines : bool
+        False: without outlines, which take most of the time.
     """
     object_of(grid, VisibilityGrid, "grid")
     least_area_m2 = finite_number("least_area_m2", least_area_m2, "square metres")
@@ -71,7 +81,8 @@ def blind_spots(grid: VisibilityGrid, *, least_area_m2: float = LEAST_AREA_M2) -
         cells = label[box] == nth
         area_m2 = float(cells.sum()) * grid.cell_m**2
         if area_m2 >= least_area_m2:
-            spots.append(_spot(grid, box, cells, area_m2, range_m[box], middles[box]))
+            outline = _outline(grid, box, cells) if has_outlines else ()
+            spots.append(_spot(grid, box, cells, area_m2, range_m[box], middles[box], outline))
     return sorted(spots, key=lambda spot: spot.nearest_m)
 
 
@@ -82,6 +93,7 @@ def _spot(
     area_m2: float,
     range_m: Float64Array,
     middles: Float64Array,
+    outline: tuple[Float64Array, ...],
 ) -> BlindSpot:
     whole = np.zeros(grid.state.shape, np.bool_)
     whole[box] = cells
@@ -90,7 +102,6 @@ def _spot(
     distance_m = np.linalg.norm(blockers - grid.viewpoint, axis=1)
     inner = ndimage.distance_transform_edt(np.pad(cells, 1))
     width_m = (2.0 * float(inner.max()) - 1.0) * grid.cell_m
-    corner = grid.corner + grid.cell_m * np.array([box[0].start, box[1].start])
     return BlindSpot(
         area_m2,
         float(range_m[cells].min()),
@@ -100,8 +111,16 @@ def _spot(
         width_m,
         next((name for name, needs_m in HIDDEN_OBJECTS if width_m >= needs_m), ""),
         blockers[distance_m.argmin()] if len(blockers) else np.full(3, np.nan),
-        tuple(corner + grid.cell_m * ring for ring in rings(cells)),
+        outline,
     )
+
+
+def _outline(
+    grid: VisibilityGrid, box: tuple[slice, ...], cells: BoolArray
+) -> tuple[Float64Array, ...]:
+    """The rings of a spot in the scene."""
+    corner = grid.corner + grid.cell_m * np.array([box[0].start, box[1].start])
+    return tuple(corner + grid.cell_m * ring for ring in rings(cells))
 
 
 def rings(cells: BoolArray) -> list[Float64Array]:

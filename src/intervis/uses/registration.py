@@ -1,6 +1,6 @@
 """Scenes of several scans of a drive, registered to one frame by the poses."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from intervis.arrays import Float64Array
@@ -32,12 +32,22 @@ def registered_frames(
     DriveError
         A frame has no pose, or cannot be read.
     """
-    for number in numbers:
-        other = drive[number]
+    yield from registered_to(now, (drive[number] for number in numbers))
+
+
+def registered_to(now: Frame, others: Iterable[Frame]) -> Iterator[RegisteredFrame]:
+    """As `registered_frames`, of frames that are read already, or while this is iterated.
+
+    Raises
+    ------
+    DriveError
+        A frame has no pose.
+    """
+    for other in others:
         if now.pose is None or other.pose is None:
             raise DriveError(
                 f"--frames registers scans by their poses, and frame"
-                f" {number if now.pose is not None else now.number} has none."
+                f" {other.number if now.pose is not None else now.number} has none."
             )
         yield RegisteredFrame(other, inverse(now.pose) @ other.pose, _seconds_between(now, other))
     yield RegisteredFrame(now, None, 0.0)
@@ -64,6 +74,20 @@ def registered_scene(
     for frame, now_from_frame, time_s in registered_frames(drive, now, numbers):
         scene.add(frame.points, now_from_frame, time_s)
         report(f"frame {frame.number}")
+    return scene
+
+
+def scene_of_frames(now: Frame, others: Sequence[Frame]) -> Scene:
+    """As `registered_scene`, of frames that are read already.
+
+    Raises
+    ------
+    DriveError
+        A frame has no pose.
+    """
+    scene = scene_for([other.number for other in others])
+    for frame, now_from_frame, time_s in registered_to(now, others):
+        scene.add(frame.points, now_from_frame, time_s)
     return scene
 
 

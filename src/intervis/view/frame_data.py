@@ -8,6 +8,7 @@ import numpy as np
 from intervis.arrays import Float64Array
 from intervis.camera import Camera
 from intervis.method.field_of_view import image_from_velo
+from intervis.run.frame_file import FrameRecord
 from intervis.sight import Scene
 from intervis.sight.observed_profile import unobserved_parts
 from intervis.view.columns import packed
@@ -78,7 +79,22 @@ def frame_content(judged: JudgedFrame) -> tuple[dict[str, Any], bytes]:
     if judged.analysis is not None:
         columns |= mesh_columns(judged.analysis)
         header["TPI"] = round(judged.analysis.measures.TPI, 2)
+    if judged.record is not None:
+        header["run"] = run_content(judged.record)
+        header["unexplained"] = judged.unexplained
     return header, packed(columns, BY_DIFFERENCE)
+
+
+def run_content(record: FrameRecord) -> dict[str, Any]:
+    """What a run stored of a frame as JSON: the numbers of its files, not rounded."""
+    numbers = {"measures": record.measures, "times_s": record.times_s, "shares": record.sight or {}}
+    return {
+        "tau": record.tau,
+        **{
+            name: {key: _number(value) for key, value in values.items()}
+            for name, values in numbers.items()
+        },
+    }
 
 
 def line_content(line: SightLine, scene: Scene, moment_s: float | None) -> dict[str, Any]:

@@ -2,23 +2,20 @@
 
 import logging
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Protocol
 
 from intervis.arrays import Float64Array
 from intervis.drives import Drive
-from intervis.errors import ScanError
+from intervis.errors import OutputError, ScanError
 from intervis.kernels import thread_count
 from intervis.progress import Progress, reporter
-from intervis.view.frame_judge import frame_judge
+from intervis.view.frame_judge import MOST_THREADS, ReadFrame, cached_reader, frame_judge
 from intervis.view.judged_frame import JudgedFrame
 from intervis.view.view_request import ViewRequest, fixed_place_world, viewpoint_in_frame
 
 log = logging.getLogger(__name__)
-
-MOST_THREADS = 4
-"""Frames that are judged at a time: each takes some 100 MB."""
 
 
 class FrameSink(Protocol):
@@ -58,18 +55,54 @@ def judge_frames(
     DriveError
         A frame lacks the camera or the pose that the request needs, or no scan can be read.
     """
-    report = reporter(progress)
     fixed_world = None
     if request.is_fixed:
         fixed_world = fixed_place_world(drive[numbers[0]], request.viewpoint)
+    read = cached_reader(drive, request)
+    stream_frames(
+        lambda number: judged_frame(drive, number, request, fixed_world, read),
+        numbers,
+        sinks,
+        progress,
+    )
+
+
+def stream_frames(
+    judge: Callable[[int], JudgedFrame],
+    numbers: Sequence[int],
+    sinks: Sequence[FrameSink],
+    progress: Progress | None = None,
+) -> list[int]:
+    """Judge a few frames at a time, ahead of the sinks, which take them in order.
+
+    Parameters
+    ----------
+    judge : callable
+        The judged frame of a number; called in one of several threads. Frames for which it raises
+        `ScanError` (the scan) or `OutputError` (the file of a run) are left out, with a warning.
+    numbers : sequence of int
+    sinks : sequence of FrameSink
+    progress : callable, optional
+
+    Returns
+    -------
+    list of int
+        The frames that were left out.
+
+    Raises
+    ------
+    ScanError, OutputError
+        All frames are left out: of the first one.
+    """
+    report = reporter(progress)
 
     def prepared(number: int) -> list[Any]:
-        judged = judged_frame(drive, number, request, fixed_world)
+        judged = judge(number)
         return [sink.prepare(judged) for sink in sinks]
 
     threads = min(thread_count(), MOST_THREADS)
     waiting, begun = deque(numbers), deque[tuple[int, Future[list[Any]]]]()
-    taken, unreadable = 0, None
+    left_out: dict[int, ScanError | OutputError] = {}
     with ThreadPoolExecutor(threads) as pool:
         try:
             while waiting or begun:
@@ -79,23 +112,27 @@ def judge_frames(
                 number, one = begun.popleft()
                 try:
                     parts = one.result()
-                except ScanError as error:
+                except (ScanError, OutputError) as error:
                     log.warning("frame %d is left out: %s", number, error)
-                    unreadable = unreadable or error
+                    left_out[number] = error
                 else:
-                    taken += 1
                     for sink, part in zip(sinks, parts, strict=True):
                         sink.add(part)
                 report(f"frame {number}")
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    if unreadable is not None and not taken:
-        raise unreadable
+    if left_out and len(left_out) == len(numbers):
+        raise next(iter(left_out.values()))
+    return list(left_out)
 
 
 def judged_frame(
-    drive: Drive, number: int, request: ViewRequest, fixed_world: Float64Array | None = None
+    drive: Drive,
+    number: int,
+    request: ViewRequest,
+    fixed_world: Float64Array | None = None,
+    read: ReadFrame | None = None,
 ) -> JudgedFrame:
     """One frame of a drive as the requested viewpoint sees it.
 
@@ -106,12 +143,14 @@ def judged_frame(
     request : ViewRequest
     fixed_world : (3,) float64 array or None
         A viewpoint in world coordinates instead of that of the request.
+    read : callable or None
+        Reads a frame of the drive; see `cached_reader`.
 
     Raises
     ------
     DriveError
         The frame cannot be read, has no camera or no pose where the request needs one.
     """
-    judge = frame_judge(drive, number, request)
+    judge = frame_judge(drive, number, request, read)
     viewpoint = viewpoint_in_frame(judge.frame, request.viewpoint, fixed_world)
     return judge.judged(viewpoint)

@@ -8,6 +8,7 @@ import numpy as np
 from intervis.arrays import Float64Array, IntArray
 from intervis.drives import Frame
 from intervis.method.analysis import Analysis
+from intervis.run.frame_file import FrameRecord
 from intervis.sight import Explanation, Scene, Sight
 from intervis.uses.blind_spots import BlindSpot, blind_spots
 from intervis.uses.objects import ObjectSight
@@ -64,6 +65,12 @@ class JudgedFrame:
         The paper's method; None where it has no result.
     ground_m : float
         Height of the ground below the viewpoint; NaN where none is known.
+    record : FrameRecord or None
+        What a run stored of the frame: measures, stage times, tau, shares of the states. None where
+        no run is shown.
+    unexplained : str
+        Why only states and probabilities are known: what a run stored, without its drive. Empty
+        where blockers, clearances and observed parts are known, too.
     """
 
     frame: Frame
@@ -79,6 +86,8 @@ class JudgedFrame:
     grid: VisibilityGrid | None
     analysis: Analysis | None
     ground_m: float
+    record: FrameRecord | None = None
+    unexplained: str = ""
 
     @property
     def points(self) -> Float64Array:
@@ -87,8 +96,8 @@ class JudgedFrame:
 
     @cached_property
     def spots(self) -> list[BlindSpot]:
-        """The blind spots of the grid; none without a grid."""
-        return [] if self.grid is None else blind_spots(self.grid)
+        """The blind spots of the grid, without outlines; none without a grid."""
+        return [] if self.grid is None else blind_spots(self.grid, has_outlines=False)
 
     @cached_property
     def image(self) -> ReducedImage | None:

@@ -4,7 +4,7 @@ import base64
 import html
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from intervis.view.view_request import ViewRequest
 MODULES = (
     *("numbers", "blocks", "verdicts", "matrices", "orbit", "renderer", "palette", "layers"),
     *("picking", "pointer", "scan_view", "camera_panel", "timeline", "charts", "selection"),
-    *("engine", "frames", "legend", "static_picture", "page"),
+    *("engine", "frames", "legend", "measures", "static_picture", "page"),
 )
 """Modules of the page's script; each imports from those before it only."""
 
@@ -107,6 +107,7 @@ def page_of_frames(
     is_served: bool = False,
     is_live: bool = False,
     has_command: bool = True,
+    run: Mapping[str, bool] | None = None,
 ) -> bytes:
     """Put frames into a page.
 
@@ -124,6 +125,9 @@ def page_of_frames(
         Whether the widget around the page will answer them.
     has_command : bool
         Whether ``intervis sight NAME`` gives the explanations of the page.
+    run : mapping or None
+        For the frames of a run: ``has_drive``, whether its drive is there; ``has_states``, whether
+        the states of returns are known.
     """
     named_viewpoint = request.viewpoint if isinstance(request.viewpoint, str) else None
     content = {
@@ -131,8 +135,9 @@ def page_of_frames(
         "has_command": has_command,
         "risk": request.risk,
         "default_risk": DEFAULT_RISK,
-        "viewpoint": None if request.is_fixed else named_viewpoint,
+        "viewpoint": None if request.is_fixed or run is not None else named_viewpoint,
         "is_served": is_served or is_live,
+        **({} if run is None else {"run": run}),
         "colours": {
             theme: {**colours, "sequential": VIRIDIS, "onImage": ON_IMAGE}
             for theme, colours in COLOURS.items()

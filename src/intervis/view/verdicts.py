@@ -77,9 +77,10 @@ def returns_with_parts(judged: JudgedFrame) -> ReturnsWithParts:
     parts_m = np.zeros((len(ends), PARTS))
     # `observed` is exactly 1 where no sample is unobserved: those lines need no second march.
     partly = np.flatnonzero(judged.sight.observed < 1.0)
-    starts = np.broadcast_to(judged.viewpoint, (len(partly), 3))
-    scans = judged.scene.packed_scans(judged.moment_s)
-    parts_m[partly] = unobserved_parts(scans, starts, ends[partly], PARTS)
+    if len(partly):
+        starts = np.broadcast_to(judged.viewpoint, (len(partly), 3))
+        scans = judged.scene.packed_scans(judged.moment_s)
+        parts_m[partly] = unobserved_parts(scans, starts, ends[partly], PARTS)
     return ReturnsWithParts(judged, parts_m.sum(axis=1), parts_m)
 
 

@@ -53,7 +53,7 @@ def evaluate_together(
         With the pairs to evaluate.
     frame : {"scene", "scanner"}
         Frame of the queries. ``scene``: the scan is added with its pose. ``scanner``: the frame of
-        the known scanner, with the identity as its pose, so that a method is not told the tilt.
+        the known scanner, so that a method is not told the tilt.
     targets : {"returns", "space"}
         As in `evaluate_held_out`.
     surrounded : bool
@@ -126,6 +126,7 @@ def together_query_sets(
                 (known.points,),
                 (query_from_scanner,),
                 *numbers,
+                posed=frame == "scene",
             ),
             transform(query_from_scene, reference.pose[:3, 3]),
             transform(query_from_scene, targets),

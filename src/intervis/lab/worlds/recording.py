@@ -134,7 +134,8 @@ def load_world(drive_folder: Path | str) -> RecordedWorld:
     DriveError
         The folder holds no ``world.npz``, or one that cannot be read.
     """
-    path = Path(drive_folder) / FILE_NAME
+    folder = Path(drive_folder) if isinstance(drive_folder, str) else drive_folder  # or remote
+    path = folder / FILE_NAME
     if not path.is_file():
         raise DriveError(
             f"{path} does not exist: only drives written by `intervis simulate` have a known world."

@@ -49,7 +49,7 @@ class Batch(NamedTuple):
     names above. `offsets` (B, 3): a line's first sample, one past its last, and the latter padded
     to `LANES`. `chosen` (B, K): the contributing scans, nearest first. `runs` (B, 3): first sample,
     one past the last, and scan, of consecutive samples that read the same scan. `distance` (S,) and
-    `chosen_distance` (K,): scratch of `choose_scans`. `descriptors` (S, 18): see `packed_scans`.
+    `chosen_distance` (K,): scratch of `choose_scans`. `descriptors` (S, 28): see `packed_scans`.
     """
 
     samples: Float64Array

@@ -14,8 +14,9 @@ MAX_INTERPOLATED_JUMP = 0.1
 """Between two rows whose planar ranges differ by less than this fraction, it is interpolated."""
 
 # Columns of a scan descriptor: geometry of the range image, then the three rows of
-# sensor_from_scene.
+# sensor_from_scene, then those of level_from_scene.
 UNIT_M, OFFSET, COLUMNS, ROWS, ELEVATION_FROM, ROWS_PER_UNIT, FROM_SCENE = range(7)
+LEVEL = FROM_SCENE + 12
 
 
 class PackedScans(NamedTuple):
@@ -23,9 +24,9 @@ class PackedScans(NamedTuple):
 
     `pixels` holds the range images one after another, column by column; that of scan k starts at
     `offset[k]`. `sensor_from_scene` is (S, 3, 4), `position` (S, 3) the sensors' positions in the
-    scene, `ground` (S, G, G) the ground maps. `age_cost_m` is added to a scan's distance for its
-    time offset; `time_offset_s` is scan time minus query time. Without a query time they are 0 and
-    NaN.
+    scene, `ground` (S, G, G) the ground maps, in axes of which the third is up: `level_from_scene`
+    (3, 3) turns the scene's axes into them. `age_cost_m` is added to a scan's distance for its time
+    offset; `time_offset_s` is scan time minus query time. Without a query time they are 0 and NaN.
     """
 
     pixels: Int16Array
@@ -38,18 +39,19 @@ class PackedScans(NamedTuple):
     sensor_from_scene: Float64Array
     position: Float64Array
     ground: Float32Array
+    level_from_scene: Float64Array
     age_cost_m: Float64Array
     time_offset_s: Float64Array
 
 
 @kernel
 def descriptors_of(scans: PackedScans) -> Float64Array:
-    """Scan descriptors (S, 18), see the column names above.
+    """Scan descriptors (S, 28), see the column names above.
 
     Kernels that run per line or per sample receive one row of it instead of a `PackedScans`, whose
     arrays would be unpacked and reference-counted at each call.
     """
-    descriptors = np.empty((len(scans.offset), FROM_SCENE + 12))
+    descriptors = np.empty((len(scans.offset), LEVEL + 9))
     for k in range(len(descriptors)):
         descriptors[k, UNIT_M], descriptors[k, OFFSET] = scans.unit_m[k], scans.offset[k]
         descriptors[k, COLUMNS], descriptors[k, ROWS] = scans.columns[k], scans.rows[k]
@@ -58,6 +60,8 @@ def descriptors_of(scans: PackedScans) -> Float64Array:
         for axis in range(3):
             for n in range(4):
                 descriptors[k, FROM_SCENE + 4 * axis + n] = scans.sensor_from_scene[k, axis, n]
+            for n in range(3):
+                descriptors[k, LEVEL + 3 * axis + n] = scans.level_from_scene[axis, n]
     return descriptors
 
 

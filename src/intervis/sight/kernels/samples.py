@@ -31,6 +31,7 @@ from intervis.sight.kernels.batch import (
 from intervis.sight.kernels.packed_scans import (
     COLUMNS,
     ELEVATION_FROM,
+    LEVEL,
     MAX_INTERPOLATED_JUMP,
     OFFSET,
     ROWS,
@@ -191,8 +192,15 @@ def compute_heights(
         begin, end = offsets[i, 0], offsets[i, 2]
         place, height = places[PLACE, begin:end], samples[HEIGHT, begin:end]
         a, b, sensor = first[i], second[i], sensor_position[chosen[i, 0]]
-        u0, v0, w0 = a[0] - sensor[0] + half, a[1] - sensor[1] + half, a[2] - sensor[2]
-        du, dv, dw = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        x, y, z = a[0] - sensor[0], a[1] - sensor[1], a[2] - sensor[2]
+        dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        t = batch.descriptors[chosen[i, 0]]
+        u0 = t[LEVEL] * x + t[LEVEL + 1] * y + t[LEVEL + 2] * z + half
+        v0 = t[LEVEL + 3] * x + t[LEVEL + 4] * y + t[LEVEL + 5] * z + half
+        w0 = t[LEVEL + 6] * x + t[LEVEL + 7] * y + t[LEVEL + 8] * z
+        du = t[LEVEL] * dx + t[LEVEL + 1] * dy + t[LEVEL + 2] * dz
+        dv = t[LEVEL + 3] * dx + t[LEVEL + 4] * dy + t[LEVEL + 5] * dz
+        dw = t[LEVEL + 6] * dx + t[LEVEL + 7] * dy + t[LEVEL + 8] * dz
         position = samples[POSITION, begin:end]
         before = float(chosen[i, 0]) * CELLS
         for m in range(padded_count(begin, end)):

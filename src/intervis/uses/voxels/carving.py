@@ -181,7 +181,7 @@ class Carver:
         points : (N, 3) or (N, 4) float array
             In the sensor's frame, metres; rows that are no returns are left out (`is_return`).
         pose : (4, 4) array or None
-            Scene from sensor. None: the scene's frame is the sensor's.
+            Scene from sensor. None: the scene's frame is the sensor's, which stands upright.
         now : bool
             Whether this is a scan of the moment that the grid is for. Its ground serves the height
             prior, too; without such a scan, that of the first one does.
@@ -194,7 +194,7 @@ class Carver:
         xyz, now = checked_points(points), flag_of(now, "now")
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         kept = np.asarray(xyz[is_return(xyz)])
-        packed = Scene.from_scan(kept, pose, self._sensor).packed_scans()
+        packed = Scene.from_scan(kept, scene_from_sensor, self._sensor).packed_scans()
         self.add_packed(packed, kept, scene_from_sensor, now=now)
 
     def add_packed(

@@ -6,10 +6,17 @@ const CHART_WIDTH = 340;
 const MOST_DIGITS = 3;
 const NAMESPACE = "http://www.w3.org/2000/svg";
 
+/** Percent of the returns in a state: of all, as a run stored it, or of those of the page. */
+function shareOf(frame, name) {
+  const stored = frame.run?.shares[name];
+  if (stored !== undefined) return stored === null ? null : 100 * stored;
+  const count = frame.visible + frame.occluded + frame.unknown;
+  return count && !frame.unexplained ? (100 * frame[name]) / count : null;
+}
+
 /** Charts of the page: name, unit and series of each; those without numbers are left out. */
 export function chartsOf(frames) {
-  const count = (frame) => frame.visible + frame.occluded + frame.unknown;
-  const share = (name) => frames.map((frame) => (count(frame) ? (100 * frame[name]) / count(frame) : null));
+  const share = (name) => frames.map((frame) => shareOf(frame, name));
   const spotArea = frames.map((frame) => frame.spots?.reduce((sum, spot) => sum + spot.area_m2, 0) ?? null);
   const charts = [
     { title: "visible", unit: "% of the returns", colour: "visible", values: share("visible") },
@@ -18,11 +25,17 @@ export function chartsOf(frames) {
     { title: "blind spots in a square of 60 m", unit: "m²", colour: "ink", values: spotArea },
     { title: "TPI, the paper's measure", unit: "%", colour: "ink", values: frames.map((frame) => frame.TPI ?? null) },
   ];
-  frames[0].lines.forEach((_, k) => {
-    const values = frames.map((frame) => (frame.lines[k].probability === null ? null : 100 * frame.lines[k].probability));
+  mostLines(frames).forEach((_, k) => {
+    const probabilities = frames.map((frame) => frame.lines[k]?.probability ?? null);
+    const values = probabilities.map((probability) => (probability === null ? null : 100 * probability));
     charts.push({ title: `line ${k + 1}, P(visible)`, unit: "%", colour: "ink", values });
   });
   return charts.filter((chart) => chart.values.some((value) => value !== null));
+}
+
+/** The lines of a frame that has all that were asked for. */
+export function mostLines(frames) {
+  return frames.reduce((most, { lines }) => (lines.length > most.length ? lines : most), []);
 }
 
 function svg(name, attributes, parent) {

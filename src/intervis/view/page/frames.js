@@ -29,7 +29,7 @@ export class Frames {
       ...header,
       columns,
       image: textOf(`image-${index}`),
-      verdicts: new Verdicts(columns, header.viewpoint),
+      verdicts: new Verdicts(columns, header.viewpoint, header.unexplained),
     };
   }
 

@@ -8,8 +8,8 @@ export const LAYERS = {
   boxes: { name: "boxes", shown: true, about: "labelled objects, coloured by what most of each is" },
   viewpoint: { name: "viewpoint, frustum", shown: true, about: "where the lines start; the camera's view" },
   spots: { name: "blind spots", shown: false, about: "ground around the viewpoint where something 1 m high is not visible" },
-  region: { name: "region", shown: false, about: "the paper's intervisible region" },
-  mesh: { name: "mesh", shown: false, about: "the paper's finite elements; intervisible edges are coloured" },
+  region: { name: "region", shown: false, isOfRun: true, about: "the paper's intervisible region" },
+  mesh: { name: "mesh", shown: false, isOfRun: true, about: "the paper's finite elements; intervisible edges are coloured" },
   rings: { name: "rings", shown: true, about: "ground range from the sensor" },
 };
 

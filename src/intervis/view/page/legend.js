@@ -27,7 +27,7 @@ export class Legend {
     this.state = state;
     this.scale = element.querySelector(".scale");
     this.states = new Map();
-    for (const at of [VISIBLE, OCCLUDED, UNKNOWN]) {
+    for (const at of state.hasStates ? [VISIBLE, OCCLUDED, UNKNOWN] : []) {
       const name = STATE_NAMES[at];
       const made = chip(`state ${name}`, name, `Show or hide ${name} returns`, true, (isOn) => {
         state.shownStates[at] = isOn;
@@ -38,14 +38,16 @@ export class Legend {
     }
     for (const [name, layer] of Object.entries(LAYERS)) {
       if (!state.hasLayer(name)) continue;
-      const made = chip(`layer ${name}`, layer.name, layer.about, layer.shown, (isOn) => {
+      const made = chip(`layer ${name}`, layer.name, layer.about, state.shownLayers[name], (isOn) => {
         state.shownLayers[name] = isOn;
         onChange(true);
       });
       element.querySelector(".layers").append(made);
     }
     const select = element.querySelector("select");
-    for (const [key, { name }] of Object.entries(COLOURINGS)) select.append(new Option(name, key));
+    for (const [key, { name, ofStates }] of Object.entries(COLOURINGS)) {
+      if (state.hasStates || !ofStates) select.append(new Option(name, key));
+    }
     select.addEventListener("change", () => {
       state.colouring = select.value;
       this.refresh();

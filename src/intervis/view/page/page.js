@@ -1,11 +1,12 @@
 // The page: its state, and what happens when a frame, a line or a switch changes.
 
 import { CameraPanel } from "./camera_panel.js";
-import { Charts } from "./charts.js";
+import { Charts, mostLines } from "./charts.js";
 import { Judge, askLine } from "./engine.js";
 import { Frames } from "./frames.js";
 import { LAYERS } from "./layers.js";
 import { Legend } from "./legend.js";
+import { Measures } from "./measures.js";
 import { grouped, nearestIndex } from "./numbers.js";
 import { MapCamera, OrbitCamera } from "./orbit.js";
 import { ScanView } from "./scan_view.js";
@@ -21,14 +22,18 @@ class Page {
     this.page = content;
     this.frames = new Frames(content.frames);
     this.isServed = content.is_served;
+    this.hasStates = content.run?.has_states ?? true;
+    this.hasScans = content.run?.has_drive ?? true;
     this.frame = null;
     this.index = 0;
     this.line = null;
     this.picked = -1;
     this.stored = -1;
-    this.colouring = "state";
+    this.colouring = this.hasStates ? "state" : "height";
     this.shownStates = [true, true, true];
-    this.shownLayers = Object.fromEntries(Object.entries(LAYERS).map(([name, layer]) => [name, layer.shown]));
+    this.shownLayers = Object.fromEntries(
+      Object.entries(LAYERS).map(([name, layer]) => [name, layer.shown || (content.run && layer.isOfRun) || false]),
+    );
     this.places = null;
     this.readTheme();
   }
@@ -71,6 +76,7 @@ class Page {
     }
     this.camera = new CameraPanel(byId("camera"), this, actions);
     this.selection = new Selection(byId("selection"), this);
+    this.measures = new Measures(byId("measures"), this.page.run);
     this.legend = new Legend(byId("legend"), this, (isOnlyLayers) => this.redraw(isOnlyLayers));
     const numbers = this.page.frames.map((frame) => frame.number);
     this.timeline = new Timeline(byId("timeline"), numbers, (index) => this.show(index));
@@ -123,7 +129,7 @@ class Page {
     if (this.isServed) this.tell("Drag the viewpoint: the scan is judged again.");
     byId("between").addEventListener("click", () => this.startLine());
     document.addEventListener("keydown", (event) => this.key(event));
-    this.page.frames[0].lines.forEach((_, k) => {
+    mostLines(this.page.frames).forEach((_, k) => {
       const button = document.createElement("button");
       button.type = "button";
       button.textContent = `Line ${k + 1}`;
@@ -162,7 +168,7 @@ class Page {
     if (this.timeline.index !== index) return;
     this.index = index;
     this.frame = frame;
-    this.line = this.stored >= 0 ? lineOfAnswer(frame.lines[this.stored]) : null;
+    this.line = this.storedLine(frame);
     this.picked = -1;
     this.places = null;
     this.refresh();
@@ -172,6 +178,7 @@ class Page {
   refresh() {
     this.legend.refresh();
     this.charts.show(this.index);
+    this.measures.refresh(this.frame);
     this.selection.refresh();
     this.redraw(false);
     this.camera.draw();
@@ -220,7 +227,13 @@ class Page {
 
   selectStored(k) {
     this.stored = k;
-    this.select(lineOfAnswer(this.frame.lines[k]), -1);
+    this.select(this.storedLine(this.frame), -1);
+  }
+
+  /** The selected line of `--to` in a frame; null where none is selected, or the frame lacks it. */
+  storedLine(frame) {
+    const answer = frame.lines[this.stored];
+    return answer ? lineOfAnswer(answer) : null;
   }
 
   startLine() {
@@ -256,7 +269,7 @@ class Page {
     if (this.judge.waiting) frame.viewpoint = this.judge.waiting.from; // the pointer is ahead
     const place = frame.viewpoint.map((value) => value.toFixed(1)).join(", ");
     this.tell(`Judged from (${place}); the charts show the viewpoint of the page.`);
-    if (this.stored >= 0) this.line = lineOfAnswer(frame.lines[this.stored]);
+    if (this.stored >= 0) this.line = this.storedLine(frame);
     else this.line = this.picked >= 0 ? frame.verdicts.line(this.picked) : null;
     this.refresh();
   }

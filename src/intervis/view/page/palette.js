@@ -4,9 +4,9 @@ import { rgba } from "./renderer.js";
 import { STATE_NAMES } from "./verdicts.js";
 
 export const COLOURINGS = {
-  state: { name: "state" },
-  percent: { name: "probability", from: 0, to: 100, unit: "% visible" },
-  clearance: { name: "clearance", from: 0, to: 3, unit: "m; of occluded lines the shift" },
+  state: { name: "state", ofStates: true },
+  percent: { name: "probability", ofStates: true, from: 0, to: 100, unit: "% visible" },
+  clearance: { name: "clearance", ofStates: true, from: 0, to: 3, unit: "m; of occluded lines the shift" },
   height: { name: "height", from: -2.5, to: 2.5, unit: "m above the sensor" },
 };
 

@@ -121,9 +121,10 @@ export class ScanView {
     const ratio = window.devicePixelRatio || 1;
     const matrix = this.camera.matrix(this.aspect());
     this.renderer.begin(rgba(colours.background));
+    const grown = this.state.hasScans ? ratio : 2.5 * ratio; // a few nodes between the lines of their mesh
     const size = this.isMap
-      ? { scale: 0, least: 1.5 * ratio, most: 1.5 * ratio }
-      : { scale: 60 * ratio, least: 2 * ratio, most: 7 * ratio };
+      ? { scale: 0, least: 1.5 * grown, most: 1.5 * grown }
+      : { scale: 60 * grown, least: 2 * grown, most: 7 * ratio };
     this.renderer.drawPoints(this.points, matrix, size);
     for (const name of Object.keys(LAYERS)) {
       if (!shownLayers[name]) continue;

@@ -5,6 +5,9 @@ import { NO_PERCENT, PARTS, STATE_NAMES } from "./verdicts.js";
 
 const metres = (values, digits) => `(${values.map((value) => value.toFixed(digits)).join(", ")}) m`;
 
+const NO_SCANS = "Click a node, in any view, to see what the run stored of the sight line to it.";
+const NO_STATES = "The run stored no sight lines, and its drive is missing: no return can be judged.";
+
 function element(name, className, text) {
   const made = document.createElement(name);
   if (className) made.className = className;
@@ -21,6 +24,7 @@ export class Selection {
   constructor(parent, state) {
     this.parent = parent;
     this.state = state;
+    if (!state.hasScans) parent.querySelector(".hint").textContent = state.hasStates ? NO_SCANS : NO_STATES;
     this.hint = parent.querySelector(".hint").textContent;
   }
 
@@ -34,11 +38,14 @@ export class Selection {
     }
     const state = STATE_NAMES[line.state];
     const head = element("p", "head");
-    head.append(element("span", `badge ${state}`, state));
+    const isJudged = !line.unexplained || line.percent !== NO_PERCENT;
+    head.append(element("span", `badge ${state}`, isJudged ? state : "not judged"));
     head.append(line.row === null ? "line" : `return ${grouped(line.row)} of frame ${frame.number}`);
-    body.append(head, element("p", "text", line.text), this.bar(line, state), this.table(line));
-    if (this.state.page.has_command) {
-      body.append(element("p", "hint", "The same from the command line:"), this.command(line));
+    body.append(head, element("p", "text", line.text));
+    if (!line.unexplained) body.append(this.bar(line, state));
+    body.append(this.table(line));
+    if (this.state.page.has_command && !line.unexplained) {
+      body.append(element("p", "hint", this.commandTitle(line)), this.command(line));
     }
   }
 
@@ -60,19 +67,15 @@ export class Selection {
     return bar;
   }
 
+  /** The run's lines end at the returns, not at their rounded coordinates. */
+  commandTitle(line) {
+    const isStored = line.row !== null && Object.keys(this.state.frame.run?.shares ?? {}).length;
+    return isStored ? "Asked again from the command line, its end rounded to 1 cm:" : "The same from the command line:";
+  }
+
   table(line) {
-    const observed = Math.max(line.lengthDm - line.unobservedDm, 0);
-    const rows = [
-      ["probability of being visible", line.percent === NO_PERCENT ? "none" : percentText(line.percent)],
-      ["observed, unobserved", `${metresText(observed)} m, ${(line.unobservedDm / 10).toFixed(1)} m`],
-    ];
-    if (line.blockerDm) {
-      const place = metres(line.blockerDm.map((dm) => dm / 10), 1);
-      rows.push(["blocker", `${place}, ${metresText(line.blockerAtDm)} m from the viewpoint`]);
-      rows.push(["shift that clears it", `${metresText(line.clearanceDm)} m`]);
-    } else {
-      rows.push(["clearance", line.clearanceDm === null ? "nothing observed beside" : `${metresText(line.clearanceDm)} m`]);
-    }
+    const rows = [["probability of being visible", line.percent === NO_PERCENT ? "none" : percentText(line.percent)]];
+    rows.push(...(line.unexplained ? [["length", `${metresText(line.lengthDm)} m`]] : this.explained(line)));
     rows.push(["end", metres(line.end, 2)], ["viewpoint", metres(line.start, 2)]);
     const table = element("table");
     for (const [name, value] of rows) {
@@ -81,6 +84,20 @@ export class Selection {
       table.append(row);
     }
     return table;
+  }
+
+  /** Rows of the table that need the scans. */
+  explained(line) {
+    const observed = Math.max(line.lengthDm - line.unobservedDm, 0);
+    const rows = [["observed, unobserved", `${metresText(observed)} m, ${(line.unobservedDm / 10).toFixed(1)} m`]];
+    if (line.blockerDm) {
+      const place = metres(line.blockerDm.map((dm) => dm / 10), 1);
+      rows.push(["blocker", `${place}, ${metresText(line.blockerAtDm)} m from the viewpoint`]);
+      rows.push(["shift that clears it", `${metresText(line.clearanceDm)} m`]);
+    } else {
+      rows.push(["clearance", line.clearanceDm === null ? "nothing observed beside" : `${metresText(line.clearanceDm)} m`]);
+    }
+    return rows;
   }
 
   /** The start of a line, by its name where the page was made with one. */

@@ -20,9 +20,11 @@ export const NO_PERCENT = 255;
 
 /** Columns of intervis/view/verdicts.py, with look-ups by return. */
 export class Verdicts {
-  constructor(columns, viewpoint) {
+  /** `unexplained` says why nothing but states and probabilities is known; empty otherwise. */
+  constructor(columns, viewpoint, unexplained = "") {
     this.columns = columns;
     this.viewpoint = viewpoint;
+    this.unexplained = unexplained;
     this.count = columns.x.length;
     this.positions = new Float32Array(3 * this.count);
     this.states = new Uint8Array(this.count);
@@ -80,6 +82,7 @@ export class Verdicts {
       blockerDm: null,
       blockerAtDm: null,
       parts: this.parts(i),
+      unexplained: this.unexplained,
     };
     if (at >= 0) {
       line.blockerDm = ["x", "y", "z"].map((axis) => this.columns[`blocker_${axis}`][at]);
@@ -94,6 +97,7 @@ export class Verdicts {
 export function explanation(line) {
   const length = metresText(line.lengthDm);
   const percent = percentText(line.percent);
+  if (line.unexplained) return storedText(line, percent);
   if (line.kind === OPEN) return visibleText(line, length, percent);
   if (line.kind === NOT_OBSERVED) {
     return (
@@ -121,6 +125,13 @@ export function explanation(line) {
     ` viewpoint (of ${length} m), at ${placeText(line.blockerDm)}; the line would have to pass` +
     ` ${metresText(line.clearanceDm)} m higher, lower or beside to clear it.`
   );
+}
+
+/** What a run stored of a line, and why there is no more. */
+function storedText(line, percent) {
+  if (line.percent === NO_PERCENT) return `Not judged. ${line.unexplained}`;
+  const answer = { [VISIBLE]: "Visible:", [OCCLUDED]: "Occluded: visible", [UNKNOWN]: "Unknown: visible" }[line.state];
+  return `${answer} with a probability of ${percent}, as the run stored it. ${line.unexplained}`;
 }
 
 function visibleText(line, length, percent) {
@@ -153,6 +164,7 @@ export function lineOfAnswer(answer) {
     blockerDm: answer.blocker[0] === null ? null : answer.blocker.map(dm),
     blockerAtDm: dm(answer.blocker_m),
     parts: answer.parts_m.map((metres) => metres <= 0.5 * part),
+    unexplained: "",
     text: answer.text,
   };
 }

@@ -17,13 +17,17 @@ def state_counts(sight: Sight) -> dict[str, int]:
 def frame_measures(judged: JudgedFrame) -> dict[str, float]:
     """Shares of the states, per cent, and what else changes over the frames; by name.
 
-    ``visible_percent``, ``occluded_percent``, ``unknown_percent`` of the judged returns;
+    ``visible_percent``, ``occluded_percent``, ``unknown_percent`` of the judged returns, or of all
+    as a run stored them;
     ``blind_area_m2`` where blind spots were judged; ``TPI`` where the paper's method has a result;
     ``sight_line_K_percent``, the probability of line K, where it has one.
     """
     counts = state_counts(judged.sight)
     total = max(1, sum(counts.values()))
-    found = {f"{name}_percent": 100.0 * count / total for name, count in counts.items()}
+    shares = {name: count / total for name, count in counts.items()}
+    if judged.record is not None and judged.record.sight is not None:
+        shares = {name: one for name, one in judged.record.sight.items() if np.isfinite(one)}
+    found = {f"{name}_percent": 100.0 * share for name, share in shares.items()}
     if judged.grid is not None:
         found["blind_area_m2"] = float(sum(spot.area_m2 for spot in judged.spots))
     if judged.analysis is not None:

@@ -29,6 +29,9 @@ class InputScans:
     timestamps_s : tuple of float or None
         Time of each scan, seconds after the time of the query (negative before it); None where
         the drive has no timestamps.
+    posed : bool
+        Whether the poses are told. False: the one scan stands where it stands, in its own frame,
+        and the engine finds by itself where up is.
     """
 
     numbers: tuple[int, ...]
@@ -37,6 +40,7 @@ class InputScans:
     target_number: int
     viewpoint_number: int
     timestamps_s: tuple[float, ...] | None = None
+    posed: bool = True
 
     @property
     def moment_s(self) -> float | None:
@@ -90,5 +94,5 @@ def scene_of(inputs: InputScans) -> Scene:
     scene = Scene()
     timestamps_s = inputs.timestamps_s or (None,) * len(inputs.scans)
     for scan, pose, timestamp_s in zip(inputs.scans, inputs.poses, timestamps_s, strict=True):
-        scene.add(scan, pose, timestamp_s)
+        scene.add(scan, pose if inputs.posed else None, timestamp_s)
     return scene
