@@ -3,6 +3,7 @@
 import json
 import pickle
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from intervis.cli import exit_code
 from intervis.drives import open_drive
+from intervis.drives.argoverse_tables import motions_of
 from intervis.errors import CalibrationError, DriveError, MissingExtraError, ScanError
 from intervis.transform import transform
 
@@ -294,3 +296,44 @@ def test_times_since_1970_have_19_digits(tmp_path):
     sweep.rename(sweep.with_name("1700000000000000000.feather"))
     (sweep.parent / "9999999999999999999.feather").write_bytes(b"no time: beyond 64 bits")
     assert list(open_drive(log).timestamps_ns.values()) == [TIMES_NS[1], 1700000000000000000]
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [(RuntimeError("first line.\nsecond"), "first line"), (RuntimeError(), "RuntimeError")],
+)
+def test_what_pyarrow_raises_becomes_one_sentence(tmp_path, monkeypatch, error, reason):
+    from pyarrow import feather
+
+    def fail(*_, **__):
+        raise error
+
+    write_log(tmp_path)
+    drive = open_drive(tmp_path)
+    monkeypatch.setattr(feather, "read_table", fail)
+    with pytest.raises(ScanError) as caught:
+        drive[0]
+    assert str(caught.value).endswith(f"is not a readable Feather file: {reason}.")
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "place_m", "message"),
+    [
+        ((1.1e-3, 0, 0, 0), (0, 0, 0), None),
+        ((0, 999.0, 0, 0), (0, -0.99e9, 0), None),
+        ((0, 0, 1e-3, 0), (0, 0, 0), "are not a quaternion"),
+        ((0, 0, 0, 1e3), (0, 0, 0), "are not a quaternion"),
+        ((1, 0, 0, 0), (1e9, 0, 0), "needs finite numbers"),
+        ((1, 0, 0, 0), (0, 0, -1e9), "needs finite numbers"),
+    ],
+)
+def test_limits_of_a_motion_in_a_table(quaternion, place_m, message):
+    names = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
+    rows = np.array([(*quaternion, *place_m)], [(name, float) for name in names])
+    if message is None:
+        (motion,) = motions_of(Path("a"), rows)
+        assert motion[:3, 3].tolist() == list(place_m)
+        assert np.allclose(abs(motion[:3, :3]), np.eye(3))
+    else:
+        with pytest.raises(CalibrationError, match=message):
+            motions_of(Path("a"), rows)

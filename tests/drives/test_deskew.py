@@ -161,3 +161,40 @@ def test_times_that_are_all_zero_are_the_time_of_the_scan() -> None:
         point_times_ns({"offset_ns": np.full(3, 5)}, 7)
     with pytest.raises(DriveError, match="span 0"):
         point_times_ns({"offset_ns": np.zeros(3)}, None)
+
+
+@pytest.mark.parametrize(
+    ("span", "unit_ns"),
+    [
+        (2_000_000, 1),
+        (1_999_999_999, 1),
+        (1_999_999, 1_000),  # in ns too short for a sweep
+        (2_000, 1_000),
+        (1_999, 1_000_000),
+        (2, 1_000_000),
+        (1.999, 1_000_000_000),
+        (0.002, 1_000_000_000),
+        (2_000_000_000, None),
+        (0.0019, None),
+    ],
+)
+def test_a_sweep_takes_two_milliseconds_to_two_seconds(span: float, unit_ns: int | None) -> None:
+    attributes = {"t": np.array([0, span])}
+    if unit_ns is None:
+        with pytest.raises(DriveError, match="in none of ns, us, ms and s"):
+            point_times_ns(attributes, 7)
+    else:
+        assert point_times_ns(attributes, 7).tolist() == [7, 7 + round(span * unit_ns)]
+
+
+@pytest.mark.parametrize(("start_s", "counts"), [(9_999, True), (10_000, False)])
+def test_times_up_to_ten_thousand_seconds_count_from_the_scan(start_s: int, counts: bool) -> None:
+    times = {"t": start_s * 10**9 + np.array([0, 10**8])}
+    if counts:
+        assert point_times_ns(times, 5).tolist() == (times["t"] + 5).tolist()
+        assert point_times_ns(times, None) is None
+    else:
+        assert point_times_ns(times, None).tolist() == times["t"].tolist()
+        assert point_times_ns(times, (start_s - 2) * 10**9).tolist() == times["t"].tolist()
+        with pytest.raises(DriveError, match=r"begin 2\.0 s from the scan's time"):
+            point_times_ns(times, (start_s - 2) * 10**9 - 1)

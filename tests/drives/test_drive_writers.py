@@ -1,7 +1,9 @@
 """What the writers of layouts write: tables, messages and files, taken apart by other programs."""
 
+import io
 import json
 import struct
+import sys
 import zlib
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from intervis.camera import Camera
 from intervis.drives import open_drive
+from intervis.drives.argoverse_writer import ArgoverseWriter, check_rig
 from intervis.drives.drive_writer import (
     BoxRecord,
     FrameRecord,
@@ -19,6 +22,7 @@ from intervis.drives.drive_writer import (
     RigCamera,
     RigScanner,
     ScanRecord,
+    jpeg_of,
     quaternions,
     returns_inside,
 )
@@ -27,7 +31,7 @@ from intervis.drives.nuscenes_table_writer import TABLES, VERSION, NuScenesTable
 from intervis.drives.nuscenes_writer import NuScenesWriter, blank_png, sweep_bytes
 from intervis.drives.pcd_writer import PcdWriter
 from intervis.drives.pose_track import PoseTrack
-from intervis.errors import CalibrationError
+from intervis.errors import CalibrationError, MissingExtraError, SettingsError
 from intervis.transform import inverse, rigid, transform
 
 START_NS = 1_700_000_000_000_000_000
@@ -582,6 +586,171 @@ def test_times_beside_scans_are_read(tmp_path: Path) -> None:
         open_drive(tmp_path)
 
 
+# --- Argoverse 2 ---
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    """A log of nine frames with a camera; the last two have no car."""
+    pytest.importorskip("pyarrow", reason="pyarrow (extra argoverse) is not installed")
+    pytest.importorskip("PIL", reason="Pillow (extra plots) is not installed")
+    root = tmp_path_factory.mktemp("argoverse")
+    drive_rig = rig("roof", "rear", cameras=(CAMERA,))
+    assert write(ArgoverseWriter(root, drive_rig), drive_rig, 9) == Path("log-0001")
+    return root / "log-0001"
+
+
+def feather_rows(path: Path) -> list[dict]:
+    """The rows of a Feather file, as pyarrow reads them."""
+    from pyarrow import feather
+
+    return feather.read_table(path).to_pylist()
+
+
+def motion_of_row(row: dict) -> np.ndarray:
+    turned = Rotation.from_quat([row[name] for name in ("qx", "qy", "qz", "qw")])
+    return rigid(turned.as_matrix(), [row[name] for name in ("tx_m", "ty_m", "tz_m")])
+
+
+def test_places_of_scanners_and_camera_in_a_log(log: Path) -> None:
+    rows = feather_rows(log / "calibration" / "egovehicle_SE3_sensor.feather")
+    places = {row["sensor_name"]: motion_of_row(row) for row in rows}
+    assert list(places) == ["up_lidar", "down_lidar", "ring_front_center"]
+    expected = (PLACES["roof"], PLACES["rear"], CAMERA.ego_from_cam)
+    assert np.allclose(list(places.values()), expected, rtol=0, atol=1e-12)
+    assert feather_rows(log / "calibration" / "intrinsics.feather") == [
+        {
+            "sensor_name": "ring_front_center",
+            **{"fx_px": 300.0, "fy_px": 301.0, "cx_px": 31.5, "cy_px": 17.5},
+            **{"k1": 0.0, "k2": 0.0, "k3": 0.0, "height_px": 36, "width_px": 64},
+        }
+    ]
+
+
+def test_sweeps_of_a_log_hold_both_scanners_in_the_vehicles_frame(log: Path) -> None:
+    """Each return is moved from its own time to that of the sweep; 16 bits round by 8 mm."""
+    files = sorted((log / "sensors" / "lidar").iterdir())
+    times_ns = [START_NS + number * STEP_NS for number in range(9)]
+    assert [file.name for file in files] == [f"{time_ns}.feather" for time_ns in times_ns]
+    for number in (0, 5):
+        rows = feather_rows(files[number])
+        expected = []
+        for nth, name in enumerate(("roof", "rear")):
+            own = scan(number, nth)
+            parts = zip(own.points, own.intensity, own.ring, own.offset_ns, strict=True)
+            for point, intensity, ring, offset_ns in parts:
+                at_time = PLACES[name] @ [*point.astype(float), 1.0]
+                moved = pose(number + offset_ns / STEP_NS) @ at_time
+                at_sweep = np.linalg.solve(pose(number), moved)
+                laser = ring + (0, 32)[nth]
+                expected.append([*at_sweep[:3], 255 * intensity, laser, offset_ns])
+        names = ["x", "y", "z", "intensity", "laser_number", "offset_ns"]
+        assert list(rows[0]) == names
+        found = np.array([[row[name] for name in names] for row in rows], float)
+        assert found.shape == (2 * 504, 6)
+        assert np.allclose(found[:, :3], np.array(expected)[:, :3], rtol=0, atol=0.009)
+        assert (abs(found[:, 3] - np.array(expected)[:, 3]) <= 0.5).all()
+        assert np.array_equal(found[:, 4:], np.array(expected)[:, 4:])
+
+
+def test_images_of_a_log_and_poses_at_all_times(log: Path) -> None:
+    from PIL import Image
+
+    images = sorted((log / "sensors" / "cameras" / "ring_front_center").iterdir())
+    assert [int(file.stem) - START_NS for file in images] == [
+        number * STEP_NS + 20_000_000 for number in range(9)
+    ]
+    for number, file in enumerate(images):
+        assert abs(np.asarray(Image.open(file)).astype(int) - number).max() <= 2
+    rows = feather_rows(log / "city_SE3_egovehicle.feather")
+    # The images are taken at times that the track has too: every tenth of a frame.
+    assert [row["timestamp_ns"] - START_NS for row in rows] == [
+        nth * STEP_NS // 10 for nth in range(91)
+    ]
+    for nth, row in enumerate(rows):
+        assert np.allclose(motion_of_row(row), pose(nth / 10), rtol=0, atol=1e-9)
+
+
+def test_annotations_of_a_log_stand_in_the_vehicles_frame(log: Path) -> None:
+    rows = feather_rows(log / "annotations.feather")
+    assert [(row["timestamp_ns"] - START_NS) // STEP_NS for row in rows] == [
+        *(number for number in range(7) for _ in "ab"),
+        *(7, 8),
+    ]
+    categories = {"a": "REGULAR_VEHICLE", "b": "PEDESTRIAN"}
+    for row in rows:
+        assert row["category"] == categories[row["track_uuid"]]
+        assert [row[name] for name in ("length_m", "width_m", "height_m")] == [4, 2, 1.5]
+        ego_from_box = motion_of_row(row)
+        assert np.allclose(ego_from_box, rigid(turn(5), [6.0, 2, 1]), rtol=0, atol=1e-9)
+        count = 0
+        for point in feather_rows(log / "sensors" / "lidar" / f"{row['timestamp_ns']}.feather"):
+            place = np.array([point["x"], point["y"], point["z"]], float) - ego_from_box[:3, 3]
+            count += bool((abs(ego_from_box[:3, :3].T @ place) <= [2, 1, 0.75]).all())
+        assert row["num_interior_pts"] == count
+    assert len({row["num_interior_pts"] for row in rows}) > 2
+
+
+def test_a_log_without_motion_cameras_and_boxes(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow (extra argoverse) is not installed")
+    writer = ArgoverseWriter(tmp_path, rig("rear", "roof"), "drive")
+    whole = frame(3, rig("rear", "roof"), motion=False)
+    writer.add(FrameRecord(whole.time_ns, whole.track, whole.scans))
+    assert writer.close() == Path("drive")
+    writer.release()
+    files = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")}
+    sweep = f"drive/sensors/lidar/{START_NS + 3 * STEP_NS}.feather"
+    places = "drive/calibration/egovehicle_SE3_sensor.feather"
+    assert files == {sweep, places, "drive/city_SE3_egovehicle.feather"}
+    rows = feather_rows(tmp_path / sweep)
+    assert {row["offset_ns"] for row in rows} == {0}
+    first = PLACES["rear"] @ [*scan(3, 0).points[0].astype(float), 1.0]
+    assert np.allclose([rows[0][name] for name in "xyz"], first[:3], atol=0.009)
+
+
+def test_a_rear_camera_of_a_log_and_a_bicycle(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow (extra argoverse) is not installed")
+    pytest.importorskip("PIL", reason="Pillow (extra plots) is not installed")
+    rear = RigCamera("rear", CAMERA.camera, CAMERA.ego_from_cam)
+    drive_rig = rig("roof", "rear", cameras=(CAMERA, rear))
+    made = frame(0, drive_rig)
+    box = BoxRecord("c", "bicycle", made.boxes[0].world_from_box, np.array([1.8, 0.6, 1.7]))
+    writer = ArgoverseWriter(tmp_path, drive_rig)
+    writer.add(FrameRecord(made.time_ns, made.track, made.scans, made.images[:1], (box,)))
+    (row,) = feather_rows(tmp_path / writer.close() / "annotations.feather")
+    assert (row["category"], row["length_m"], row["height_m"]) == ("BICYCLIST", 1.8, 1.7)
+    cameras = tmp_path / "log-0001" / "sensors" / "cameras"
+    count = {folder.name: len(list(folder.iterdir())) for folder in cameras.iterdir()}
+    assert count == {"ring_front_center": 1, "ring_rear_left": 0}  # a frame may lack an image
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ((1, 32), None),
+        ((32, 1), None),
+        ((0, 32), r"scanners of 1 to 32 rows; made has 0\."),
+        ((32, 33), r"scanners of 1 to 32 rows; made has 33\."),
+        ((32,), r"takes two scanners .*, not 1\."),
+        ((32, 32, 32), r"takes two scanners .*, not 3\."),
+    ],
+)
+def test_a_log_takes_two_scanners_of_up_to_32_rows(rows, message) -> None:
+    made = Rig(tuple(RigScanner("roof", "made", PLACES["roof"], count) for count in rows))
+    if message is None:
+        check_rig(made)
+    else:
+        with pytest.raises(SettingsError, match=message):
+            check_rig(made)
+
+
+def test_writing_a_log_without_pyarrow_names_the_extra(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'intervis\[argoverse\]'"):
+        ArgoverseWriter(tmp_path, rig("roof", "rear"))
+    assert not list(tmp_path.iterdir())
+
+
 # --- what they share ---
 
 
@@ -601,3 +770,54 @@ def test_returns_inside_a_turned_box_are_counted_one_by_one() -> None:
         own = box.world_from_box[:3, :3].T @ (point - box.world_from_box[:3, 3])
         count += all(abs(own) <= box.size_m / 2)
     assert returns_inside(box, points) == count > 20
+
+
+@pytest.mark.parametrize("writer", [PcdWriter, ArgoverseWriter])
+def test_writers_refuse_a_rig_that_their_layout_cannot_hold(writer, tmp_path: Path) -> None:
+    names = ("roof", "rear") if writer is PcdWriter else ("roof",)
+    with pytest.raises(SettingsError, match=f"not {len(names)}"):
+        writer(tmp_path, rig(*names))
+    assert not list(tmp_path.iterdir())
+
+
+def test_pictures_are_written_as_jpeg_of_quality_90() -> None:
+    """The first table of quantization at quality 90 starts with a fifth of 16, rounded."""
+    image = pytest.importorskip("PIL.Image", reason="Pillow (extra plots) is not installed")
+    pixels = np.full((36, 64, 3), (200, 90, 30), np.uint8)
+    content = jpeg_of(ImageRecord(pixels, 0, np.eye(4)))
+    read = image.open(io.BytesIO(content))
+    assert (read.format, read.size) == ("JPEG", (64, 36))
+    assert abs(np.asarray(read).astype(int) - pixels).max() < 4
+    assert read.quantization[0][0] == 3
+
+
+@pytest.mark.parametrize("writer", [ArgoverseWriter, NuScenesWriter, McapWriter])
+def test_a_frame_without_one_of_its_scans_is_refused(writer, tmp_path: Path) -> None:
+    if writer is ArgoverseWriter:
+        pytest.importorskip("pyarrow", reason="pyarrow (extra argoverse) is not installed")
+    open_writer = writer(tmp_path, rig("roof", "rear"))
+    with pytest.raises(ValueError, match="is shorter than"):
+        open_writer.add(frame(0, rig("roof")))
+    open_writer.release()
+
+
+@pytest.mark.parametrize("writer", [ArgoverseWriter, McapWriter])
+def test_a_track_with_more_times_than_poses_is_refused(writer, tmp_path: Path) -> None:
+    if writer is ArgoverseWriter:
+        pytest.importorskip("pyarrow", reason="pyarrow (extra argoverse) is not installed")
+    open_writer, whole = writer(tmp_path, rig("roof", "rear")), frame(0, rig("roof", "rear"))
+    track = PoseTrack(whole.track.times_ns, whole.track.poses[:-1])
+    scans = tuple(ScanRecord(one.points, one.intensity, one.ring) for one in whole.scans)
+    with pytest.raises(ValueError, match="is shorter than"):
+        open_writer.add(FrameRecord(whole.time_ns, track, scans))
+    open_writer.release()
+
+
+def test_tables_take_a_scan_of_each_scanner_and_a_count_for_each_box(tmp_path: Path) -> None:
+    whole = frame(0, rig("roof", "rear"))
+    for made, returns in ((whole, [1]), (frame(0, rig("roof")), [1, 2])):
+        tables = NuScenesTables(tmp_path, rig("roof", "rear"), "maps/blank.png")
+        tables.begin_scene("scene-0001", "made", START_NS)
+        with pytest.raises(ValueError, match="is shorter than"):
+            tables.add(made, returns)
+        tables.release()

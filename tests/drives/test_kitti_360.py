@@ -99,3 +99,12 @@ def test_a_frame_number_that_comes_twice_is_told(tmp_path):
         CalibrationError, match=r"poses.txt, line 3: expected a frame number of its"
     ):
         open_drive(root)
+
+
+def test_times_may_go_on_behind_the_last_scan(tmp_path):
+    root = write_drive(tmp_path)
+    times = root / "velodyne_points/timestamps.txt"
+    times.write_text(times.read_text() + "2013-05-28 08:46:11.000000000\n")
+    drive = open_drive(root)
+    assert drive.frame_numbers == (0, 1, 2, 3, 4)
+    assert drive[4].timestamp_ns - drive[0].timestamp_ns == 400_000_000

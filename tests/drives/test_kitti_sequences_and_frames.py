@@ -1,6 +1,7 @@
 """KITTI odometry and KITTI object."""
 
 import logging
+import shutil
 
 import numpy as np
 import pytest
@@ -53,6 +54,18 @@ def test_camera_poses_become_lidar_poses(tmp_path):
     assert np.allclose(drive[0].pose, np.eye(4), atol=1e-12)
     expected = [[0, 1, 0, 10.27], [-1, 0, 0, 0.27], [0, 0, 1, 0], [0, 0, 0, 1]]
     assert np.allclose(drive[1].pose, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("kept", ["calib.txt", "times.txt"])
+def test_a_folder_of_any_name_is_a_sequence_by_its_calibration_or_its_times(tmp_path, kept):
+    root = write_kitti_odometry(tmp_path).rename(tmp_path / "drive")
+    for path in root.iterdir():
+        if path.name not in (kept, "velodyne"):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    write_text(root / kept, (root / kept).read_text() if (root / kept).exists() else "0\n0.1\n")
+    drive = open_drive(root)
+    assert (drive.layout, drive.name) == ("kitti_odometry", "drive")
+    assert (0 in drive.timestamps_ns) == (kept == "times.txt")
 
 
 def test_line_k_of_the_poses_is_frame_k_even_where_scans_are_missing_at_the_end(tmp_path):

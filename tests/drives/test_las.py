@@ -3,6 +3,7 @@
 import logging
 import shutil
 import struct
+import sys
 
 import lazrs
 import numpy as np
@@ -14,7 +15,7 @@ from intervis.drives import las_mapping, open_drive
 from intervis.drives.las_header import read_las_header
 from intervis.drives.las_mapping import read_trajectory
 from intervis.drives.laz_chunks import check_chunks
-from intervis.errors import CalibrationError, DriveError, ScanError
+from intervis.errors import CalibrationError, DriveError, MissingExtraError, ScanError
 from intervis.transform import transform
 
 laspy = pytest.importorskip("laspy", reason="laspy (extra las) is not installed")
@@ -209,11 +210,18 @@ def test_what_is_missing_is_said(tmp_path):
         ("1 2 3 4\n2 nan 4 5\n", "not a finite number"),
         ("1 2 3 4\n2 1e300 4 5\n", "none of a trajectory"),
         ("1 2 3 4\n1e8 3 4 5\n", "none of a trajectory"),
+        ("0 2 3 4\n10000001 3 4 5\n", "none of a trajectory"),
     ],
 )
 def test_damaged_trajectories_are_told(tmp_path, text, reason):
     with pytest.raises(CalibrationError, match=reason):
         read_trajectory(write_text(tmp_path / "a.txt", text))
+
+
+def test_a_trajectory_as_long_and_as_far_as_it_may_be(tmp_path):
+    track = read_trajectory(write_text(tmp_path / "a.txt", "0 2 -1e9 4\n1e7 3 4 5\n")).track
+    assert track.times_ns.tolist() == [0, 10**16]
+    assert track.poses[0][:3, 3].tolist() == [2, -1e9, 4]
 
 
 @pytest.mark.parametrize(
@@ -446,3 +454,60 @@ def test_real_files_without_a_trajectory_say_so(shared_data):
     copc = shared_data / "airborne_las/lone-star.copc.laz"
     refused(copc, r"a file lone-star\.txt")
     assert read_las_header(copc).points == 518_862
+
+
+@pytest.mark.parametrize(("length", "valid"), [(226, False), (227, True)])
+def test_bytes_of_the_shortest_header(tmp_path, length, valid):
+    """Of LAS 1.2, without a record or a point."""
+    head = bytearray(227)
+    head[:4], head[24:26] = b"LASF", bytes([1, 2])
+    struct.pack_into("<HIIBHI", head, 94, 227, 227, 0, 1, 28, 0)
+    (tmp_path / "a.las").write_bytes(head[:length])
+    if valid:
+        header = read_las_header(tmp_path / "a.las")
+        assert header == (0, 28, 227, b"", True, False)
+    else:
+        with pytest.raises(ScanError, match="does not start like one"):
+            read_las_header(tmp_path / "a.las")
+
+
+@pytest.mark.parametrize(
+    ("key", "unit", "in_feet"),
+    [
+        *((3076, 9002, True), (3076, 9003, True), (4099, 9002, True), (4099, 9003, True)),
+        *((3076, 9001, False), (3076, 9004, False), (4098, 9002, False), (3077, 9003, False)),
+        (4100, 9003, False),
+    ],
+)
+def test_keys_that_say_feet(tmp_path, key, unit, in_feet):
+    """The unit of lengths (3076) and of heights (4099): the foot and the US survey foot."""
+    keys = np.array([1, 1, 0, 1, key, 0, 1, unit], "<u2").tobytes()
+    path = write_las(tmp_path / "a.las", *world(5), unit=(34735, "", keys))
+    assert read_las_header(path).in_feet == in_feet
+
+
+def test_bytes_between_the_records_and_the_points(tmp_path):
+    """The table of chunks is looked for where the points start, not behind the last record."""
+    path = write_las(tmp_path / "a.laz", *world(50))
+    content = path.read_bytes()
+    start = int.from_bytes(content[96:100], "little")
+    table = int.from_bytes(content[start : start + 8], "little")
+    before = read_las_header(path)
+    moved = content[:96] + struct.pack("<I", start + 8) + content[100:start] + b"\x01" * 8
+    path.write_bytes(moved + struct.pack("<q", table + 8) + content[start + 8 :])
+    assert read_las_header(path) == before._replace(start=start + 8)
+
+
+def test_without_laspy_the_extra_is_named(tmp_path, monkeypatch):
+    path = write_las(tmp_path / "a.las", *world(50))
+    write_trajectory(tmp_path / "a.txt", EVERY_SECOND)
+    monkeypatch.setitem(sys.modules, "laspy", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'intervis\[las\]'"):
+        open_drive(path)[0]
+
+
+def test_lines_of_a_trajectory_that_are_passed_over(tmp_path):
+    """Blank lines and comments anywhere, names of columns before the first numbers."""
+    text = "# made by hand\n\nt;x;y;z\n  \n1;2;3;4\n\n# turned back\n2;3;4;5\n\n"
+    track = read_trajectory(write_text(tmp_path / "a.txt", text)).track
+    assert [pose[:3, 3].tolist() for pose in track.poses] == [[2, 3, 4], [3, 4, 5]]

@@ -16,6 +16,7 @@ from drive_layouts import (
 )
 
 from intervis.drives import open_drive
+from intervis.drives.point_labels import CLASS_NAMES
 from intervis.errors import CalibrationError, DriveError, ScanError
 
 # As in the tracking set: colons after the projections, none after the other keys.
@@ -182,3 +183,19 @@ def test_scans_of_a_dynamicmap_sequence_are_those_in_pcd(tmp_path):
     drive = open_drive(tmp_path)
     assert drive.frame_numbers == (4390, 4391)
     assert drive[4391].points[0].tolist() == [4391] * 3
+
+
+def test_the_classes_of_semantickitti_are_those_of_its_development_kit():
+    """As ``config/semantic-kitti.yaml`` lists them, beside 0 for "unlabeled"."""
+    written = """
+        1 outlier; 10 car; 11 bicycle; 13 bus; 15 motorcycle; 16 on-rails; 18 truck;
+        20 other-vehicle; 30 person; 31 bicyclist; 32 motorcyclist; 40 road; 44 parking;
+        48 sidewalk; 49 other-ground; 50 building; 51 fence; 52 other-structure; 60 lane-marking;
+        70 vegetation; 71 trunk; 72 terrain; 80 pole; 81 traffic-sign; 99 other-object;
+        252 moving-car; 253 moving-bicyclist; 254 moving-person; 255 moving-motorcyclist;
+        256 moving-on-rails; 257 moving-bus; 258 moving-truck; 259 moving-other-vehicle
+    """
+    pairs = [entry.split() for entry in written.split(";")]
+    assert {name: int(number) for number, name in pairs} == {
+        name: number for number, name in CLASS_NAMES.items()
+    }

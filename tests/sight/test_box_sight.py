@@ -152,3 +152,8 @@ def test_no_boxes_have_an_answer() -> None:
 def test_boxes_that_make_no_sense_are_told(poses, sizes, error, message) -> None:
     with pytest.raises(error, match=message):
         Scene.from_scan(street()).sight_boxes([0, 0, 0], poses, sizes)
+
+
+def test_boxes_need_a_size_each():
+    with pytest.raises(ValueError, match="is longer than"):
+        facing_surfaces(np.zeros(3), np.eye(4)[None], np.ones((2, 3)))

@@ -129,3 +129,24 @@ def test_thresholds_are_those_of_the_next_lower_risk():
     for risk, row in ((0.001, 0), (0.00999, 0), (0.01, 1), (0.05, 1), (0.1, 2), (0.2, 2)):
         expected = Thresholds(*(fitted[name][row] for name in Thresholds._fields))
         assert model.thresholds_for(risk, fitted) == expected
+
+
+def test_numbers_chosen_by_hand_are_those_that_the_model_was_fitted_with():
+    """Whoever changes one of them has to fit the others again."""
+    chosen = {
+        **{"step_m": 0.3, "end_margin_m": 0.4, "below_ground_m": 0.5},
+        **{"surface_from_m": -0.2, "surface_to_m": 1.3, "end_surface_m": 0.2},
+        **{"grazing_samples": 4, "free_depth_m": -0.7, "max_changed": 0.45},
+        **{"dynamic_max_depth_m": 3, "dynamic_min_height_m": 0.2, "dynamic_max_height_m": 3},
+        **{"motion_step_m": 1, "motion_reach_m": 6, "occluded_min_surface": 0.1},
+        **{"observed_max_unobserved_m": 3, "observed_max_unobserved_fraction": 0.5},
+        **{"observed_max_occluded_space_m": 1},
+    }
+    assert {name: getattr(PARAMETERS, name) for name in chosen} == chosen
+    assert (model.SCANS, model.AGE_COST_M_PER_S) == (6, 20.0)
+    assert (model.DEFAULT_RISK, model.RISK_RANGE) == (0.05, (0.001, 0.2))
+
+
+def test_a_dynamic_sample_is_occupied_from_82_percent_on_and_free_up_to_5_percent():
+    log_odds = [PARAMETERS.dynamic_occupied_log_odds, PARAMETERS.dynamic_free_log_odds]
+    assert 1.0 / (1.0 + np.exp(-np.array(log_odds))) == pytest.approx([0.82, 0.05], abs=0.005)

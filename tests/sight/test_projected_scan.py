@@ -137,3 +137,17 @@ def test_a_range_image_does_not_depend_on_the_number_of_threads(monkeypatch):
     assert len(drawn[0]) > 1000, "enough columns for several parts"
     assert np.array_equal(drawn[0], drawn[1])
     assert np.array_equal(drawn[0], drawn[2])
+
+
+@pytest.mark.parametrize(("times", "beside", "above"), [(0.5, True, False), (2.0, False, True)])
+def test_a_neighbour_on_the_border_of_a_cone_lies_in_it(times, beside, above):
+    """Two returns a 32nd of a unit apart at the horizon, and exactly half or twice as far up."""
+    per_azimuth, per_elevation = direction_scale(0.0)
+    assert per_elevation == 1.0
+    across = 2.0**-5 * per_azimuth
+    azimuth, elevation = np.array([1.0, 1.0 + 2.0**-5]), np.array([0.0, times * across])
+    hits = np.array([0, 1])
+    lists = list_by_cell(azimuth, elevation, hits, hits[:1], COLUMNS, ROWS)
+    found = np.empty((3, 1))
+    neighbour_angles(azimuth, elevation, *lists, COLUMNS, ROWS, hits[:1], *found)
+    assert np.isfinite(found[:2, 0]).tolist() == [beside, above]
