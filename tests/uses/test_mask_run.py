@@ -237,6 +237,29 @@ def test_a_record_that_is_none(tmp_path, text) -> None:
     assert read_record(tmp_path, 3) is None
 
 
+@pytest.mark.parametrize(
+    "files",
+    [
+        {},
+        [],
+        [["a", "b"]],
+        {"a\0b": "x"},
+        {"": "x"},
+        {"a": 1},
+        {".intervis-masks/a": "x"},
+        {".": "x"},
+    ],
+)
+def test_a_record_without_files_of_ours_counts_for_nothing(tmp_path, files) -> None:
+    path = record_path(tmp_path, 3)
+    path.parent.mkdir()
+    path.write_text(json.dumps({"number": 3, "fingerprint": "f", "files": files}))
+    assert read_record(tmp_path, 3) is None
+    write_frame(tmp_path, 3, "f", {"masks/x": b"1"})
+    assert (tmp_path / "masks/x").read_bytes() == b"1"
+    assert read_record(tmp_path, 3).files.keys() == {"masks/x"}
+
+
 def test_the_folder_of_a_run_is_refused(sequence, tmp_path) -> None:
     out = tmp_path / "out"
     out.mkdir()

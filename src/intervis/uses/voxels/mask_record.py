@@ -64,8 +64,7 @@ def read_record(out: Path, number: int) -> MaskRecord | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         record = MaskRecord(content["number"], content["fingerprint"], content["files"])
-        names = dict(record.files)  # a ValueError or TypeError if it is no mapping
-        if record.number == number and all(_is_below(name) for name in names):
+        if record.number == number and _is_list_of_files(record.files):
             return record
     except OSError as error:
         raise OutputError(f"cannot read {path}: {error.strerror or error}.") from None
@@ -74,9 +73,18 @@ def read_record(out: Path, number: int) -> MaskRecord | None:
     return None
 
 
+def _is_list_of_files(files: object) -> bool:
+    """Whether a record names one file or more below the folder, no hidden ones, and digests."""
+    if not isinstance(files, dict) or not files:
+        return False
+    texts = all(isinstance(text, str) for text in files.values())
+    return texts and all(_is_below(name) for name in files)
+
+
 def _is_below(name: str) -> bool:
-    parts = PurePosixPath(name)
-    return not parts.is_absolute() and ".." not in parts.parts
+    parts = PurePosixPath(name).parts
+    hidden = any(part.startswith(".") for part in parts)  # ".." and the records themselves
+    return bool(parts) and not name.startswith("/") and not hidden and "\0" not in name
 
 
 def fault_of(out: Path, record: MaskRecord, fingerprint: str) -> str:
