@@ -110,7 +110,7 @@ def test_the_states_that_are_told_sum_to_all_voxels(sequence, tmp_path, capsys) 
     shares = dict(reversed(part) for part in re.findall(r"([\d.]+) % (\w+)", states))
     assert list(shares) == ["free", "occupied", "occluded", "unknown"]
     assert sum(map(float, shares.values())) == pytest.approx(100, abs=0.2)  # rounded
-    assert "1 target has fewer than 2 later frames." in said.err
+    assert "1 frame has fewer than 2 later scans in the drive to add." in said.err
 
 
 @pytest.mark.parametrize(

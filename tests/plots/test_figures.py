@@ -127,8 +127,14 @@ def test_states_are_drawn_where_returns_project(with_camera, tmp_path):
         "visible",
         "viewpoint",
     ]
+    assert above.get_title(loc="left") == "From above"
+    tilted = sight_figure.sight_picture(frame, sight, viewpoint, tilt_deg=44.7).axes[1]
+    assert tilted.get_title(loc="left") == "Along the sensor's z axis, 45 degrees off upright"
     frame = replace(frame, image_path=None)
-    assert len(sight_figure.sight_picture(frame, sight, viewpoint).axes) == 1
+    (alone,) = sight_figure.sight_picture(frame, sight, viewpoint).axes
+    assert "z axis" not in alone.get_title(loc="left")
+    (alone,) = sight_figure.sight_picture(frame, sight, viewpoint, tilt_deg=44.7).axes
+    assert alone.get_title(loc="left").endswith("Along the sensor's z axis, 45 degrees off upright")
 
 
 def test_the_borders_of_the_view_are_those_of_the_camera(with_camera):

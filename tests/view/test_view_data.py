@@ -237,5 +237,8 @@ def test_a_tilted_scanner_without_a_pose_has_a_page_without_ground(tmp_path):
     ):
         np.save(tmp_path / "scan.npy", (ground @ turn).astype(np.float32))
         drive = open_drive(tmp_path / "scan.npy")
-        content, _ = parts_of(page_html(drive, [0], ViewRequest(viewpoint="sensor")).decode())
+        page = page_html(drive, [0], ViewRequest(viewpoint="sensor")).decode()
+        content, _ = parts_of(page)
         assert (content["frames"][0]["ground_m"] is not None) is has_ground
+        assert ("x forward, y left, z up." in page) is has_ground
+        assert ("by its scan 45 degrees off upright." in page) is not has_ground

@@ -164,8 +164,8 @@ def _show(
     drive, settings, count = run.drive, run.settings, run.settings.later
     fewer = sum(len(later_frames(drive, number, count)) < count for number in run.numbers)
     if fewer:
-        have = "target has" if fewer == 1 else "targets have"
-        tell(f"note: near the end of the drive, {fewer} {have} fewer than {count} later frames.")
+        have = "frame has" if fewer == 1 else "frames have"
+        tell(f"note: {fewer} {have} fewer than {count} later scans in the drive to add.")
     for frame in done:
         if frame.remade:
             tell(f"note: frame {frame.number} was made again: {frame.remade}")

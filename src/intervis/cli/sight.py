@@ -249,7 +249,7 @@ def _draw(
     points = labelled.targets
     answers = labelled.sight(start, points, risk=risk)
     drawn = replace(labelled.frame, points=points.astype(np.float32), attributes={})
-    figure = sight_picture(drawn, answers, np.array(start), explained, end)
+    figure = sight_picture(drawn, answers, np.array(start), explained, end, labelled.scene.tilt_deg)
     save_figure(figure, path, path.suffix[1:].lower())
 
 

@@ -50,6 +50,7 @@ def sight_picture(
     viewpoint: Float64Array,
     line: "Explanation | None" = None,
     end: Float64Array | None = None,
+    tilt_deg: float = 0.0,
 ) -> "Figure":
     """The returns of a frame by state: over its image, if it has one, and from above.
 
@@ -63,6 +64,9 @@ def sight_picture(
         Sensor frame, metres.
     line, end : Explanation and (3,) float64 array, or None
         A sight line from the viewpoint to `end`, and its explanation; drawn as well.
+    tilt_deg : float
+        Angle between the sensor's z axis and up, degrees. The axes of the plan are x and y of the
+        sensor: it is a view from above only where this is 0, and says so otherwise.
 
     Raises
     ------
@@ -77,6 +81,8 @@ def sight_picture(
     if camera is None or not frame.has_image:
         with page_figure(above_in) as (figure, axes):
             _draw_above(axes, points, sight, viewpoint, window, line, end)
+            if tilt_deg:
+                axes.set_title(f"{_title(points, viewpoint)}\n{_direction(tilt_deg)}")
             legend_below(figure, axes)
             return figure
     image_in = 0.4 + 6.2 * camera.height_px / camera.width_px
@@ -84,7 +90,7 @@ def sight_picture(
     with page_figure(sum(ratios), nrows=2, height_ratios=ratios) as (figure, (over, above)):
         _draw_over_image(over, frame, points, sight, viewpoint, line, end)
         _draw_above(above, points, sight, viewpoint, window, line, end)
-        above.set_title("From above")
+        above.set_title(_direction(tilt_deg))
         legend_below(figure, above)
         return figure
 
@@ -142,6 +148,13 @@ def _draw_over_image(
 
 def _title(points: Float64Array, viewpoint: Float64Array) -> str:
     return f"{len(points):,} returns as seen from ({_numbers(viewpoint)})"
+
+
+def _direction(tilt_deg: float) -> str:
+    """Where the plan looks from."""
+    if not tilt_deg:
+        return "From above"
+    return f"Along the sensor's z axis, {tilt_deg:.0f} degrees off upright"
 
 
 def _window(points: FloatArray, viewpoint: Float64Array, end: Float64Array) -> Float64Array:

@@ -72,6 +72,8 @@ def frame_content(judged: JudgedFrame) -> tuple[dict[str, Any], bytes]:
         "lines": [line_content(line, judged.scene, judged.moment_s) for line in judged.lines],
         "boxes": [box_content(one) for one in judged.objects],
     }
+    if judged.scene.tilt_deg:
+        header["tilt_deg"] = round(judged.scene.tilt_deg)
     if judged.grid is not None:
         columns |= cell_columns(judged.grid)
         spots = [spot_content(spot) for spot in judged.spots]

@@ -227,8 +227,19 @@ def _lead(total: int, frames: Sequence[FrameData], request: ViewRequest) -> str:
     share = "" if stored == returns else f", evenly chosen of {returns:,}"
     return (
         f"What {where} sees: up to {stored:,} returns a frame{share}, each judged by {used};"
-        f" {some} frame{'s' if total > 1 else ''}. Coordinates are metres in the sensor's frame:"
-        " x forward, y left, z up."
+        f" {some} frame{'s' if total > 1 else ''}. {axes_sentence(frames)}"
+    )
+
+
+def axes_sentence(frames: Sequence[FrameData]) -> str:
+    """The frame of the coordinates; where the sensor is tilted, what that does to the page."""
+    axes = "Coordinates are metres in the sensor's frame: x forward, y left, z "
+    tilts_deg = [frame.header["tilt_deg"] for frame in frames if "tilt_deg" in frame.header]
+    if not tilts_deg:
+        return f"{axes}up."
+    return (
+        f'{axes}along its axis, by its scan {max(tilts_deg)} degrees off upright. "From'
+        ' above" looks along z, and there are no blind spots: both need the pose.'
     )
 
 

@@ -9,7 +9,7 @@ from intervis.progress import Progress
 from intervis.run.stored_run import StoredRun
 from intervis.view.frame_data import FrameData
 from intervis.view.frame_stream import FrameSink, stream_frames
-from intervis.view.page_file import PageFrames, page_of_frames, shown
+from intervis.view.page_file import PageFrames, axes_sentence, page_of_frames, shown
 from intervis.view.run_judge import RunJudge
 from intervis.view.view_request import Place, ViewRequest
 
@@ -147,7 +147,7 @@ def _sentences(
         said.append(f"Left out, because their files are damaged: {_listed(left_out)}.")
     if drive is not None and run.version != intervis.__version__:
         said.append(f"The run was made by intervis {run.version}, the rest by this version.")
-    said.append("Coordinates are metres in the sensor's frame: x forward, y left, z up.")
+    said.append(axes_sentence(frames))
     return said
 
 
