@@ -122,6 +122,13 @@ def test_half_a_metre_that_no_scan_observed_is_named(unobserved_m, words):
     assert said.startswith(f"Unknown: {words}")
 
 
+@pytest.mark.parametrize("share", [0.0, 0.47, 0.53, 1.0])
+def test_a_visible_line_that_mostly_no_scan_observed_says_so(share):
+    length_m = float(np.linalg.norm(np.subtract(END, START)))
+    said = str(explanation_of(START, END, answer(VISIBLE, 0.9, np.inf), share * length_m))
+    assert said.endswith("prior knowledge of such space decides.") is (share > 0.5)
+
+
 @pytest.mark.parametrize(("clearance_m", "words"), [(0.049, "less than 0.1 m"), (0.051, "0.1 m")])
 def test_lengths_are_rounded_to_a_decimetre(clearance_m, words):
     said = str(explanation_of(START, END, answer(VISIBLE, 0.9, clearance_m), 0.0))

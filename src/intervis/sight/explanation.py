@@ -177,7 +177,10 @@ def _visible(probability: float, length_m: float, clearance_m: float, unobserved
         beside = f"it clears the nearest surface by {_metres(clearance_m)} m"
     else:
         beside = "no surface was observed beside it"
-    return f"Visible: with a probability of {_percent(probability)}. {crossed}; {beside}."
+    answer = f"Visible: with a probability of {_percent(probability)}. {crossed}; {beside}."
+    if 2.0 * round(length_m - unobserved_m, 1) < round(length_m, 1):  # as printed
+        return f"{answer} No scan observed most of it: prior knowledge of such space decides."
+    return answer
 
 
 def _unknown(probability: float, length_m: float, unobserved_m: float) -> str:

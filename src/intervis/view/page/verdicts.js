@@ -143,7 +143,11 @@ function visibleText(line, length, percent) {
     line.clearanceDm === null
       ? "no surface was observed beside it"
       : `it clears the nearest surface by ${metresText(line.clearanceDm)} m`;
-  return `Visible: with a probability of ${percent}. ${crossed}; ${beside}.`;
+  const answer = `Visible: with a probability of ${percent}. ${crossed}; ${beside}.`;
+  if (2 * line.unobservedDm > line.lengthDm) {
+    return `${answer} No scan observed most of it: prior knowledge of such space decides.`;
+  }
+  return answer;
 }
 
 /** A line that Python explained (stored with the page, or answered by the server), in the same form. */
