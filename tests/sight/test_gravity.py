@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import intervis
 from intervis import Scene
-from intervis.errors import SceneError
+from intervis.errors import PointsError, SceneError, SettingsError
 from intervis.sight.gravity import level_rotation
 from intervis.sight.gravity import up_of_scan as up_of_projected
 from intervis.sight.projected_scan import project_scan
@@ -132,6 +132,21 @@ def test_the_first_scan_decides_and_a_pose_counts(rng):
     assert np.array_equal(tilted.snapshot().up, up)
     up[:] = 0.0
     assert not np.array_equal(tilted.up, up)
+
+
+def test_up_may_be_given(rng):
+    points = courtyard(rng)
+    turn = Rotation.from_euler("y", 45, degrees=True).as_matrix()
+    true = turn.T @ [0.0, 0.0, 1.0]
+    scene = Scene(up=9.81 * true)
+    scene.add(points @ turn)
+    assert scene.up == pytest.approx(true, abs=1e-12)
+    upright = Scene(up=[0, 0, 1])
+    upright.add(points @ turn)
+    assert upright.tilt_deg == 0.0
+    for wrong in ([0, 0, 0], [1, 2], "z", [np.nan, 0, 1]):
+        with pytest.raises((SettingsError, PointsError)):
+            Scene(up=wrong)
 
 
 def test_a_tilted_scene_has_no_ground_over_x_and_y(rng):

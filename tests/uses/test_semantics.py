@@ -403,3 +403,17 @@ def test_vehicles_of_argoverse_that_stand_are_parked(shared_data):
     stated = sum(box.returns for box in drive[0].boxes if box.category == "BOLLARD")
     assert bollards.left_out > 0
     assert stated > 0
+
+
+def test_up_stays_that_of_the_whole_scan_when_the_ground_is_left_out(tmp_path, rng):
+    road = np.column_stack([rng.uniform(-12, 12, (9000, 2)), np.full(9000, -2.0)])
+    wall = np.column_stack([np.full(900, 11.0), rng.uniform(-9, 9, 900), rng.uniform(-2, 3, 900)])
+    s = np.sqrt(0.5)
+    points = np.concatenate([road, wall]) @ np.array([[s, 0, s], [0, 1, 0], [-s, 0, s]])
+    rows = np.column_stack([points, np.zeros(len(points))]).astype("<f4")
+    rows.tofile(tmp_path / "000000.bin")
+    np.repeat([40, 50], [9000, 900]).astype("<u4").tofile(tmp_path / "000000.label")
+    cut = labelled_scene(open_drive(tmp_path), 0, without=["road"])
+    assert cut.left_out == 9000
+    assert cut.whole.tilt_deg == pytest.approx(45.0, abs=0.5)
+    assert np.array_equal(cut.scene.up, cut.whole.up)

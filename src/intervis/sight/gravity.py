@@ -14,13 +14,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from intervis.arrays import BoolArray, Float64Array, IntArray
+from intervis.sight.ground_map import LEAST_BELOW_M
 from intervis.sight.kernels.terrain import CELL_M, CELLS, MAX_RISE, lowest_returns
 from intervis.sight.projected_scan import ProjectedScan
 
 REACH_M = 30.0
 """Returns farther away are left out: the ground bends."""
-LEAST_BELOW_M = 0.2
-"""What is not so far below the scanner is no ground."""
 LEVEL_SHARE, LEAST_PAIRS = 0.45, 20
 """An upright scanner sees neighbouring cells of about one height below itself: so large a share of
 the pairs of cells, of so many at least."""

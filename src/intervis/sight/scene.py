@@ -57,6 +57,9 @@ class Scene:
     max_scans, max_bytes : int
         Limits of the buffer. A full buffer evicts the scan with the largest
         age / max(age) + distance / max(distance).
+    up : (3,) array or None
+        The direction against gravity in the scene's frame, of any length, for example of an
+        accelerometer. None: that of the poses, or as the first scan shows; see the property `up`.
 
     Examples
     --------
@@ -78,6 +81,7 @@ class Scene:
         sensor: Sensor | str | None = None,
         max_scans: int = 64,
         max_bytes: int = 1 << 28,
+        up: ArrayLike | None = None,
     ) -> None:
         if not (sensor is None or isinstance(sensor, str | Sensor)):
             raise SettingsError(
@@ -91,6 +95,12 @@ class Scene:
                 )
         self.sensor = sensor_named(sensor) if isinstance(sensor, str) else sensor
         self._buffer = ScanBuffer(max_scans, max_bytes)
+        if up is not None:
+            direction = checked_point(up, "up")
+            length = float(np.linalg.norm(direction))
+            if not (length > 0.0 and np.isfinite(length)):
+                raise SettingsError(f"up must be a direction, got {shown(up)}.")
+            self._buffer.level_with(lambda: level_rotation(direction / length))
 
     @classmethod
     def from_scan(
@@ -143,8 +153,9 @@ class Scene:
     def up(self) -> Float64Array:
         """(3,) unit vector against gravity, scene frame.
 
-        The z axis, unless the first scan came without a pose and shows that the sensor is tilted
-        (`intervis.sight.gravity`). It decides on heights above the ground.
+        As given to the scene; otherwise the z axis, unless the first scan came without a pose and
+        shows that the sensor is tilted (`intervis.sight.gravity`). It decides on heights above the
+        ground.
 
         Examples
         --------

@@ -53,9 +53,9 @@ def registered_to(now: Frame, others: Iterable[Frame]) -> Iterator[RegisteredFra
     yield RegisteredFrame(now, None, 0.0)
 
 
-def scene_for(numbers: Sequence[int]) -> Scene:
+def scene_for(numbers: Sequence[int], up: Float64Array | None = None) -> Scene:
     """An empty scene that will hold a frame and so many others."""
-    return Scene(max_scans=max(64, len(numbers) + 1))
+    return Scene(max_scans=max(64, len(numbers) + 1), up=up)
 
 
 def registered_scene(

@@ -232,8 +232,8 @@ def scene_of_frames(
     progress: Progress | None = None,
 ) -> LabelledScene:
     """As `labelled_scene`, of a frame that was read already."""
-    report, scene = reporter(progress), scene_for(others)
-    whole = scene_for(others) if without else scene
+    report = reporter(progress)
+    scene = whole = scene_for(others)
     tracks = parked_tracks(drive) if any(name.startswith(PARKED) for name in without) else {}
     parts: list[ClassedReturns] = []
     choices: list[str] = []
@@ -241,9 +241,11 @@ def scene_of_frames(
     for registered in registered_frames(drive, now, others):
         returns = returns_with_classes(registered.frame, tracks)
         kept = _kept(registered.frame, returns, without)
-        _add(scene, registered, kept)
+        _add(whole, registered, np.ones_like(kept))
         if without:
-            _add(whole, registered, np.ones_like(kept))
+            # up is as the whole scan shows it: the ground may be among what is left out
+            scene = scene_for(others, whole.up) if scene is whole else scene
+            _add(scene, registered, kept)
         if returns is not None:
             choices += returns.choices
             parts.append(_in_scene(returns, kept, registered))
