@@ -10,7 +10,7 @@ from intervis.errors import SettingsError
 from intervis.lab.cli.matrix import matrix
 from intervis.lab.truth import matrix_baselines
 from intervis.lab.truth.baselines import InputScans
-from intervis.lab.truth.cells import cells, exact_lines
+from intervis.lab.truth.cells import cells, exact_lines, lines_without_echo, random_of, scan_of
 from intervis.lab.truth.label_check import check_labels
 from intervis.lab.truth.matrix import evaluate_cells, honestly_answerable
 from intervis.lab.truth.matrix_baselines import VIEWPOINTS, cell_query_sets, evaluate_baselines
@@ -44,6 +44,25 @@ def test_lines_have_exact_labels_and_repeat() -> None:
     anywhere = first.kind == 2
     blocked = place.caster.blocked(first.starts[anywhere], first.ends[anywhere])
     assert np.array_equal(~blocked, first.visible[anywhere])
+
+
+def test_lines_without_echo_follow_beams_that_returned_nothing() -> None:
+    place, (cell,) = PLACES["dark-cars"](0), cells(["vlp-16"], ["upright"], ["dark-cars"])
+    rng = random_of(cell, 0)
+    scan = scan_of(cell, place, rng)
+    lines = lines_without_echo(place, scan, 200, rng)
+    assert 100 < len(lines.ends) <= 200
+    assert 0.2 < lines.visible.mean() < 0.99, "behind dark cars, and in the open"
+    blocked = place.caster.blocked(lines.starts, lines.ends)
+    assert np.array_equal(~blocked, lines.visible)
+    origin = scan.pose[:3, 3]
+    toward = lines.ends - origin
+    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    silent = scan.pattern.directions[~np.isfinite(scan.ranges_m)] @ scan.pose[:3, :3].T
+    assert ((toward @ silent.T).max(axis=1) > 1 - 1e-9).all()
+    assert (np.linalg.norm(lines.starts - origin, axis=1) < 2.0).all()
+    height_m = lines.ends[:, 2] - place.ground(lines.ends[:, :2])[:, 2]
+    assert (height_m > 0.1).all()
 
 
 def test_cells_without_sense_are_left_out() -> None:

@@ -140,7 +140,7 @@ def test_depths_agree_at_the_seam_of_the_range_image(rng):
     scans = Scene.from_scan(street_scan(turned(0.0, 0.0, 0.0), seed=3)).packed_scans()
     x, z = rng.uniform(1.0, 40.0, 400), rng.uniform(-2.0, 0.3, 400)
     points = np.stack([x, rng.choice([-1e-18, 0.0, -1e-300, 1e-18], 400), z], axis=1)
-    expected, _, known = _depth_behind_surface(scans, 0, points)
+    expected, _, known, _ = _depth_behind_surface(scans, 0, points)
     descriptor = descriptors_of(scans)[0]
     found = [depth_at(scans.pixels, descriptor, *point) for point in points]
     assert known.sum() > 100

@@ -126,7 +126,7 @@ def test_states_and_probabilities_follow_from_the_definition(carved) -> None:
         )
     ]
     centres = GRID.centre_of(index)
-    depth, is_surface, _ = _depth_behind_surface(scans, 0, _in_sensor_frame(scans, 0, centres))
+    depth, is_surface, *_ = _depth_behind_surface(scans, 0, _in_sensor_frame(scans, 0, centres))
     heights = _height_above_ground(scans, 0, centres)
     expected = np.array(
         [

@@ -15,6 +15,10 @@ range r of the range image (the horizontal range, or |z| where a beam is steeper
     d > 0       behind the surface: occluded from that scan, more likely occupied if close to it
     no surface  no beam, or no return: the scan does not contribute
 
+A dropout is a beam without a return between two returns of one surface (`range_image`). Its depth
+counts from where that surface would lie; it adds to the log-odds, but nothing was observed there:
+for all rules below, the direction has no surface.
+
 The `SCANS` scans nearest to either end of the line contribute. The log-odds that the sample at
 height h above ground is occupied are
 
@@ -24,7 +28,7 @@ where h counts along gravity (`Scene.up`), from the nearest scan's ground. Where
 does not show the ground, `assumed_height_log_odds` of the height above the nearest ground that it
 shows stands in, and `unknown_height_log_odds` if it shows none;
 weight_k (`scan_weights`) decays with the rank of the scan. `depth_log_odds` has one curve for
-surfaces and one for volumetric returns (`range_image`: leaves, wires, edges).
+surfaces, one for volumetric returns (`range_image`: leaves, wires, edges) and one for dropouts.
 
 **Dynamic objects.** A query time is optional. With one, each second between it and a scan adds
 `AGE_COST_M_PER_S` to that scan's distance. Two scans bracket the query: the nearest scan, and the
@@ -209,6 +213,7 @@ def model_of(fitted: Mapping[str, Any]) -> OccupancyModel:
             [
                 np.interp(depth_m, fitted["depth_m"], fitted["volumetric_log_odds"]),
                 np.interp(depth_m, fitted["depth_m"], fitted["surface_log_odds"]),
+                np.interp(depth_m, fitted["depth_m"], fitted["dropout_log_odds"]),
                 [0.0],
             ]
         ),

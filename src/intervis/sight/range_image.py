@@ -4,18 +4,24 @@ It covers the whole sphere, as a cube map does (`kernels.projection`). Columns a
 step wide; rows are pseudo-elevation: z / rho on the sides, with the horizontal range rho, and its
 continuation on the caps above and below 45 degrees. The planar range is rho on the sides and |z| on
 the caps. Within a column, 1 / planar range of a plane is linear in the pseudo-elevation:
-interpolation between two beams is exact on walls and on the ground. A pixel holds
+interpolation between two beams is exact on walls and on the ground. A pixel (`kernels.pixel`)
+holds the planar range of
 
-    > 0    planar range of a surface: its neighbours agree with it
-    < 0    minus the planar range of a volumetric return: its neighbours disagree (leaves, wires,
-           edges, lone returns, ground at grazing incidence where one beam ends much farther than
-           the next)
-    0      unobserved: no beam, or a beam without a return. Never "free"
+    a surface            its neighbours agree with it
+    a volumetric return  its neighbours disagree (leaves, wires, edges, lone returns, ground at
+                         grazing incidence where one beam ends much farther than the next)
+    a dropout            no return, but returns of one surface below and above (dark or shining
+                         bodies, glass, gaps of foliage): where that surface would lie
+    nothing              no beam, or a beam without a return. Never "free"
 
 Between two beams of a column the surface is interpolated where their ranges lie on one surface.
 Where they jump, each return extends over half of the gap. A return at the border of a larger gap
 extends over 0.6 beam spacings. A column that a beam missed, between two columns that it hit, takes
 the nearer range of the two.
+
+A gap of up to `MAX_DROPOUT` between two beams of a column whose ranges lie on one surface is a
+dropout in the rows that beams scan: those with at least `SCANNED_SHARE` of the pixels of the row
+that has most.
 """
 
 from dataclasses import dataclass
@@ -33,7 +39,10 @@ from intervis.arrays import (
 from intervis.kernels import in_parts
 from intervis.sight.ground_map import ground_map_of
 from intervis.sight.kernels.rasterize import (
+    MAX_DROPOUT,
     beam_spacings,
+    bridge_dropouts,
+    count_observed,
     quantize,
     rasterize,
     sort_into_columns,
@@ -49,6 +58,8 @@ _MAX_UNITS = 32767.0
 _BANDS = 40
 _SORT_BINS = 16384
 _MAX_ROWS = 1024
+SCANNED_SHARE = 0.05
+"""A row with a smaller share of the observed pixels of the fullest row lies between the beams."""
 COLUMNS_PER_PART = 256
 """Fewer columns are not worth a thread."""
 STRAY_FACTOR, STRAY_QUANTILE = 4.0, 0.999
@@ -63,7 +74,7 @@ class RangeImage:
     Attributes
     ----------
     pixels : (C, R) int16 array
-        Signed planar range in units, see the module's text. Column by column, because a sight
+        Planar range in units, see the module's text. Column by column, because a sight
         line mostly moves along a column.
     unit_m : float
         Metres per unit: the largest planar range divided by 32767, millimetres.
@@ -134,6 +145,7 @@ def range_image_of_projected(scan: ProjectedScan, sensor: Sensor) -> RangeImage:
     pixels = np.empty((columns, rows), np.int16)
     unit_m = farthest_m / _MAX_UNITS
     _draw(scan, order, start, spacings, lowest, step, unit_m, pixels)
+    _bridge(pixels, int(MAX_DROPOUT / step))
     return RangeImage(pixels, unit_m, float(lowest), float(step), ground_m, len(kept))
 
 
@@ -184,3 +196,15 @@ def _draw(
         quantize(image, far, 1.0 / unit_m, pixels[begin:end])
 
     in_parts(draw, len(pixels), least=COLUMNS_PER_PART)
+
+
+def _bridge(pixels: Int16Array, most_rows: int) -> None:
+    """Mark the dropouts in drawn pixels, a part of the columns at a time."""
+    observed = np.zeros(pixels.shape[1], np.int32)
+    count_observed(pixels, observed)
+    is_scanned = observed >= max(SCANNED_SHARE * observed.max(), 1.0)
+
+    def bridge(begin: int, end: int) -> None:
+        bridge_dropouts(pixels[begin:end], is_scanned, most_rows)
+
+    in_parts(bridge, len(pixels), least=COLUMNS_PER_PART)

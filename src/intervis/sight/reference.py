@@ -77,6 +77,7 @@ class LineSamples(NamedTuple):
 
     `step` is their spacing in metres. `depth`, `is_surface`, `known` are (C, K): depth behind the
     scan's surface, whether that is a surface return, whether the scan observed the direction.
+    `dropout_depth` (C, K) is the depth behind the surface that a dropout interrupts, else NaN.
     `weights` (C,) are the weights of the scans. `height` is the height above known ground,
     `assumed_height` that above assumed ground, NaN where the other one applies. The masks
     `occupied` and `left` are the results of the rule for dynamic objects; `free`, `at_surface` and
@@ -88,6 +89,7 @@ class LineSamples(NamedTuple):
     depth: Float64Array
     is_surface: BoolArray
     known: BoolArray
+    dropout_depth: Float64Array
     weights: Float64Array
     height: Float64Array
     assumed_height: Float64Array
@@ -107,7 +109,9 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
     points = [_in_sensor_frame(scans, k, samples) for k in chosen]
     height, assumed_height = _height_above_ground(scans, chosen[0], samples)
     each = [_depth_behind_surface(scans, k, p) for k, p in zip(chosen, points, strict=True)]
-    depth, is_surface, known = (np.array(values) for values in zip(*each, strict=True))
+    depth, is_surface, known, dropout_depth = (
+        np.array(values) for values in zip(*each, strict=True)
+    )
     occupied, left = _dynamic(scans, a, b, chosen, samples, list(depth), height)
     with np.errstate(invalid="ignore"):
         free = _any_scan(known & (depth < model.SURFACE_FROM_M))
@@ -128,6 +132,7 @@ def reference_samples(scans: PackedScans, a: Float64Array, b: Float64Array) -> L
         depth=depth,
         is_surface=is_surface,
         known=known,
+        dropout_depth=dropout_depth,
         weights=model.scan_weights(len(chosen)),
         height=height,
         assumed_height=assumed_height,
@@ -190,15 +195,17 @@ def _count_at_ends(flags: BoolArray) -> int:
 
 def attenuation_per_m(line: LineSamples) -> Float64Array:
     """Optical depth per metre of the samples of a line."""
-    volumetric_table, surface_table = np.split(MODEL.tables.depth_log_odds[:-1], 2)
+    tables = np.split(MODEL.tables.depth_log_odds[:-1], 3)
     log_odds = np.zeros(len(line.height))
     for k, weight in enumerate(line.weights):
-        contribution = np.where(
-            line.is_surface[k],
-            _read(surface_table, line.depth[k], model.DEPTH_FROM_M, model.ENTRIES_PER_M),
-            _read(volumetric_table, line.depth[k], model.DEPTH_FROM_M, model.ENTRIES_PER_M),
+        depths = (line.depth[k], line.depth[k], line.dropout_depth[k])
+        volumetric, surface, dropout = (
+            _read(table, depth, model.DEPTH_FROM_M, model.ENTRIES_PER_M)
+            for table, depth in zip(tables, depths, strict=True)
         )
-        log_odds += np.where(line.known[k], weight * contribution, 0.0)
+        observed = np.where(line.is_surface[k], surface, volumetric)
+        log_odds += np.where(line.known[k], weight * observed, 0.0)
+        log_odds += np.where(np.isnan(line.dropout_depth[k]), 0.0, weight * dropout)
     known, assumed = np.split(
         MODEL.tables.height_log_odds, [int(MODEL.parameters.known_height_entries)]
     )
@@ -339,8 +346,10 @@ def _height_above_ground(
 
 def _depth_behind_surface(
     scans: PackedScans, k: int, points: Float64Array
-) -> tuple[Float64Array, BoolArray, BoolArray]:
-    """Depth of points behind scan k's surface (NaN: unobserved), is it a surface, is it known."""
+) -> tuple[Float64Array, BoolArray, BoolArray, Float64Array]:
+    """Depth of points behind scan k's surface (NaN: unobserved), is it a surface, is it known;
+    and behind the surface that a dropout interrupts (NaN: no dropout).
+    """
     rows, columns = int(scans.rows[k]), int(scans.columns[k])
     start = int(scans.offset[k])
     image = scans.pixels[start : start + rows * columns].reshape(columns, rows)
@@ -358,8 +367,15 @@ def _depth_behind_surface(
     one_surface = (a > 0) & (b > 0) & (np.abs(a - b) < MAX_INTERPOLATED_JUMP * np.minimum(a, b))
     units = np.where(one_surface, a + (b - a) * fraction, np.abs(nearer).astype(np.float64))
     surface = units * scans.unit_m[k]
-    known = inside & (nearer != 0)
-    return np.where(known, planar_range - surface, np.nan), nearer > 0, known
+    dropout = inside & (nearer < 0) & (nearer % 2 == 1)
+    known = inside & (nearer != 0) & ~dropout
+    depth = planar_range - surface
+    return (
+        np.where(known, depth, np.nan),
+        nearer > 0,
+        known,
+        np.where(dropout, depth, np.nan),
+    )
 
 
 def _planar_range_and_elevation(points: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -19,9 +19,10 @@ SMOOTHNESS = 2e-4
 BASE_OPTICAL_DEPTH_BOUNDS = (1e-4, 5e-2)
 DECAYS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 CORRELATIONS = (0.0, 0.15, 0.3, 0.45, 0.6)
-CURVES = ("volumetric_log_odds", "surface_log_odds", "height_log_odds", "assumed_height_log_odds")
+DEPTH_CURVES = ("volumetric_log_odds", "surface_log_odds", "dropout_log_odds")
+CURVES = (*DEPTH_CURVES, "height_log_odds", "assumed_height_log_odds")
 KNOTS = ("depth_m", "height_m", "assumed_height_m")
-"""Knots of all curves but the first, which shares those of the second."""
+"""Knots of the depth curves, which share theirs, and of the two height curves."""
 ATTENUATION = ("attenuation_per_m", "base_optical_depth")
 _LEAST_PROBABILITY, _MIN_OPTICAL_DEPTH, _MAX_OPTICAL_DEPTH = 1e-6, 1e-9, 50.0
 
@@ -33,8 +34,9 @@ class Curves:
     `loss` is the mean negative log-likelihood per line, each family of lines weighted alike.
     """
 
-    surface_log_odds: Float64Array
     volumetric_log_odds: Float64Array
+    surface_log_odds: Float64Array
+    dropout_log_odds: Float64Array
     height_log_odds: Float64Array
     assumed_height_log_odds: Float64Array
     attenuation_per_m: float
@@ -48,7 +50,7 @@ class Curves:
 
 
 def design_matrix(table: SampleTable, decay: float, correlation: float) -> sparse.csr_array:
-    """Matrix (K, 2 D + H + G): times the knots of all curves, the log-odds of the samples."""
+    """Matrix (K, 3 D + H + G): times the knots of all curves, the log-odds of the samples."""
     depth = sparse.csr_array(table.by_rank[0].shape)
     for rank, weights in enumerate(table.by_rank):
         by_count = np.array(
@@ -176,8 +178,14 @@ def _theta(fitted: Mapping[str, Any]) -> Float64Array:
 
 def _likelihood_of(table: SampleTable, fitted: Mapping[str, Any]) -> _Likelihood:
     matrix = design_matrix(table, fitted["weight_decay"], fitted["correlation"])
-    sizes = [len(fitted["depth_m"]), *(len(fitted[name]) for name in KNOTS)]
+    sizes = _sizes(fitted)
     return _Likelihood(table, matrix, sizes, model.model_of({**model.FITTED, **fitted}).parameters)
+
+
+def _sizes(numbers: Mapping[str, Any]) -> list[int]:
+    """Number of knots of each curve."""
+    depth, *heights = (len(numbers[name]) for name in KNOTS)
+    return [depth] * len(DEPTH_CURVES) + heights
 
 
 def fit_curves(
@@ -200,20 +208,18 @@ def fit_curves(
         Of the scan weights.
     """
     depth_m = np.array(knots["depth_m"], dtype=np.float64)
-    sizes = [len(depth_m), *(len(knots[name]) for name in KNOTS)]
+    sizes = _sizes(knots)
     likelihood = _Likelihood(table, design_matrix(table, decay, correlation), sizes, parameters)
     near_surface = np.where((depth_m > -0.2) & (depth_m < 1.5), 3.0, -1.0)
     heights = np.full(sizes[-2] + sizes[-1], -4.0)
-    start = np.concatenate([near_surface, near_surface, heights, [0.0, -6.0]])
+    dropouts = np.zeros(len(depth_m))
+    start = np.concatenate([near_surface, near_surface, dropouts, heights, [0.0, -6.0]])
     bounds = [(-8.0, 8.0)] * (len(start) - 2)
     bounds += [(np.log(0.2), np.log(5.0)), tuple(np.log(BASE_OPTICAL_DEPTH_BOUNDS))]
     found = minimize(likelihood, start, jac=True, method="L-BFGS-B", bounds=bounds)
     parts = np.split(found.x[:-2], np.cumsum(sizes)[:-1])
     return Curves(
-        volumetric_log_odds=parts[0],
-        surface_log_odds=parts[1],
-        height_log_odds=parts[2],
-        assumed_height_log_odds=parts[3],
+        **dict(zip(CURVES, parts, strict=True)),
         attenuation_per_m=float(np.exp(found.x[-2])),
         base_optical_depth=float(np.exp(found.x[-1])),
         loss=likelihood.loss(found.x),

@@ -22,7 +22,15 @@ from intervis.lab.calibrate.plan import (
     fingerprints,
     opened,
 )
-from intervis.lab.truth.cells import KINDS, cells, exact_lines, random_of, scan_of
+from intervis.lab.truth.cells import (
+    KINDS,
+    NO_ECHO,
+    cells,
+    exact_lines,
+    lines_without_echo,
+    random_of,
+    scan_of,
+)
 from intervis.lab.truth.evaluation import chosen_pairs, held_out_query_sets
 from intervis.lab.truth.labelled_targets import HeldOutSettings
 from intervis.lab.worlds.places import PLACES, Place
@@ -221,17 +229,19 @@ def matrix_lines(seed: int, count: int, leave_out: tuple[str, ...] = ()) -> Iter
         rng = random_of(cell, seed)
         scan = scan_of(cell, place, rng)
         lines = exact_lines(place, scan, count, rng)
+        silent = lines_without_echo(place, scan, count // len(KINDS), rng)
         scans = Scene.from_scan(scan.points, scan.pose).packed_scans()
         label = f"{cell.scanner} {cell.mount} {cell.world} {seed}"
-        for k, kind in enumerate(KINDS):
-            rows = lines.kind == k
+        for k, kind in enumerate((*KINDS, NO_ECHO)):
+            drawn = silent if kind == NO_ECHO else lines
+            rows = drawn.kind == k
             if rows.any():
                 yield QueryLines(
                     label,
                     scans,
-                    lines.starts[rows],
-                    lines.ends[rows],
-                    lines.visible[rows],
+                    drawn.starts[rows],
+                    drawn.ends[rows],
+                    drawn.visible[rows],
                     family=f"matrix {kind}",
                     unit=label,
                     sources=(cell.scanner, cell.mount, cell.world),

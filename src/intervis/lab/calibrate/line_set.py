@@ -75,9 +75,10 @@ class SampleTable:
     line : (K,) int64 array
         Which line a sample belongs to.
     step_m : (K,) float64 array
-    by_rank : list of (K, 2 D) sparse arrays
-        For each rank of a contributing scan: interpolation weights of the knots of the volumetric
-        and the surface curve; a row is empty if that scan did not observe the direction.
+    by_rank : list of (K, 3 D) sparse arrays
+        For each rank of a contributing scan: interpolation weights of the knots of the volumetric,
+        the surface and the dropout curve; a row is empty if that scan has neither a return nor a
+        dropout in the direction.
     height : (K, H + G) sparse array
         Interpolation weights of the knots of the height curves over known and over assumed ground;
         a row is empty where there is neither.
@@ -206,17 +207,19 @@ def lines_of(table: SampleTable, rows: BoolArray) -> SampleTable:
 
 
 def _depth_weights(lines: list[LineSamples], rank: int, depth_m: Float64Array) -> sparse.csr_array:
-    """Interpolation weights for the scan of one rank: volumetric knots, then surface knots."""
-    depth, surface = [], []
+    """Interpolation weights for the scan of one rank: volumetric, surface and dropout knots."""
+    depth, surface, dropout = [], [], []
     for line in lines:
         unobserved = np.full(len(line.height), np.nan)
         has = rank < len(line.weights)
         depth.append(np.where(line.known[rank], line.depth[rank], np.nan) if has else unobserved)
         surface.append(line.is_surface[rank] if has else np.zeros(len(line.height), bool))
+        dropout.append(line.dropout_depth[rank] if has else unobserved)
     value, is_surface = np.concatenate(depth), np.concatenate(surface)
     volumetric = hat_weights(np.where(is_surface, np.nan, value), depth_m)
     of_surface = hat_weights(np.where(is_surface, value, np.nan), depth_m)
-    return sparse.csr_array(sparse.hstack([volumetric, of_surface]))
+    of_dropout = hat_weights(np.concatenate(dropout), depth_m)
+    return sparse.csr_array(sparse.hstack([volumetric, of_surface, of_dropout]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,8 @@ The sight lines of a cell, a quarter each, at most 60 m long:
 - *anywhere*: between free points of the place;
 - *space*: from free points to points of space, which may lie in bodies and below the ground.
 
+Apart from these, `lines_without_echo` draws lines from beside the scanner along beams without echo.
+
 The truth follows `intervis.lab.truth.exact_world.exact_labels`.
 """
 
@@ -26,6 +28,10 @@ MAX_LENGTH_M = 60.0
 MOUNTS_OF = {"terrestrial": ("tripod",), "ring": ("upright", "upside-down", "tilted")}
 """Mounts that make sense for a scanner; all but the tripod for the others."""
 KINDS = ("returns", "beam points", "anywhere", "space")
+NO_ECHO = "no echo"
+"""The kind of the lines of `lines_without_echo`."""
+NEAR_SCANNER_M = (0.3, 0.3, 0.15)
+"""Standard deviation of viewpoints beside a scanner."""
 SPACE_RANGE_M, SPACE_RISE = (1.5, 40.0), 0.35
 """Ranges of points in space, and the vertical part of their directions (horizontal ones: 1)."""
 
@@ -81,7 +87,7 @@ def scan_of(cell: Cell, place: Place, rng: np.random.Generator) -> PatternScan:
     """One scan of a place from one of its sites, at a random yaw."""
     site = place.sites[rng.integers(len(place.sites))]
     pose = MOUNTS[cell.mount].pose(place.ground(site[None])[0], float(rng.uniform(0, 2 * np.pi)))
-    return PATTERNS[cell.scanner]().scan(place.caster, pose, rng)
+    return PATTERNS[cell.scanner]().scan(place.caster, pose, rng, place.lost_share)
 
 
 def exact_lines(
@@ -104,6 +110,28 @@ def exact_lines(
     visible, occluded = exact_labels(place.caster, starts, ends, kind < 2)
     labelled = visible | occluded
     return ExactLines(starts[labelled], ends[labelled], visible[labelled], kind[labelled])
+
+
+def lines_without_echo(
+    place: Place, scan: PatternScan, count: int, rng: np.random.Generator
+) -> ExactLines:
+    """At most `count` labelled lines from beside the scanner to points of beams without echo.
+
+    The points lie 1.5 to 40 m from the scanner, 0.1 m above the ground to the place's ceiling:
+    before, in and behind bodies that return nothing, and in the open.
+    """
+    origin = scan.pose[:3, 3]
+    silent = np.flatnonzero(~np.isfinite(scan.ranges_m))
+    beams = rng.choice(silent, 8 * count) if len(silent) else silent
+    toward = scan.pattern.directions[beams] @ scan.pose[:3, :3].T
+    ends = origin + rng.uniform(*SPACE_RANGE_M, (len(beams), 1)) * toward
+    height_m = ends[:, 2] - place.ground(ends[:, :2])[:, 2]
+    ends = ends[(height_m > 0.1) & (height_m < place.ceiling_m)][:count]
+    starts = origin + rng.normal(size=ends.shape) * NEAR_SCANNER_M
+    visible, occluded = exact_labels(place.caster, starts, ends, np.zeros(len(ends), np.bool_))
+    labelled = visible | occluded
+    kind = np.full(np.count_nonzero(labelled), len(KINDS))
+    return ExactLines(starts[labelled], ends[labelled], visible[labelled], kind)
 
 
 def _points_in_space(viewpoints: Float64Array, rng: np.random.Generator) -> Float64Array:

@@ -50,11 +50,23 @@ class BeamPattern:
     dropout: float
 
     def scan(
-        self, caster: RayCaster, pose: Float64Array, rng: np.random.Generator
+        self,
+        caster: RayCaster,
+        pose: Float64Array,
+        rng: np.random.Generator,
+        lost_share: Float64Array | None = None,
     ) -> "PatternScan":
-        """The echoes of one sweep from a static pose, scene_from_scanner (4, 4)."""
-        ranges_m, _ = caster.closest(pose[:3, 3], self.directions @ pose[:3, :3].T, self.farthest_m)
-        lost = rng.random(len(ranges_m)) < self.dropout
+        """The echoes of one sweep from a static pose, scene_from_scanner (4, 4).
+
+        `lost_share` (T,) is the share of the echoes that each triangle of the caster loses, where
+        that is more than the pattern's dropout.
+        """
+        directions = self.directions @ pose[:3, :3].T
+        ranges_m, hits = caster.closest(pose[:3, 3], directions, self.farthest_m)
+        dropout: float | Float64Array = self.dropout
+        if lost_share is not None:
+            dropout = np.maximum(np.where(hits >= 0, lost_share[hits], 0.0), self.dropout)
+        lost = rng.random(len(ranges_m)) < dropout
         noise_m = self.noise_m * rng.standard_normal(len(ranges_m))
         ranges_m[(ranges_m < self.nearest_m) | lost] = np.inf
         beams = np.flatnonzero(np.isfinite(ranges_m))

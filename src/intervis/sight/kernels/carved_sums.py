@@ -47,7 +47,7 @@ def accumulate_scan(
 
     A voxel that holds a return, or that the surface passes, is occupied; its depth counts as 0.
     """
-    entries = len(depth_log_odds) // 2
+    entries = len(depth_log_odds) // 3
     columns, rows, levels = place.shape
     for i in range(columns):
         for j in range(rows):

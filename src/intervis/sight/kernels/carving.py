@@ -29,6 +29,7 @@ from intervis.sight.kernels.packed_scans import (
     ROWS_PER_UNIT,
     UNIT_M,
 )
+from intervis.sight.kernels.pixel import is_observed
 from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 from intervis.sight.kernels.samples import clamped
 
@@ -110,16 +111,16 @@ def _measure_row(unit_m: float, row: Row, depth: Float32Array, surface: Float32A
     """
     range_m, fraction, lows, highs = row.range_m, row.fraction, row.low, row.high
     for k in range(len(range_m) >> 3 << 3):
-        f, low, high = fraction[k], float(lows[k]), float(highs[k])
+        f, low, high = fraction[k], np.int32(lows[k]), np.int32(highs[k])
         value = high if f >= 0.5 else low
-        known = (value != 0.0) & (f >= 0.0)
-        below, above = abs(low), abs(high)
+        known = is_observed(value) & (f >= 0.0)
+        below, above = abs(float(low)), abs(float(high))
         mixed = below + (above - below) * f
-        jump = abs(below - above)
-        units = mixed if jump < MAX_INTERPOLATED_JUMP * min(below, above) else abs(value)
+        jump, own = abs(below - above), abs(float(value))
+        units = mixed if jump < MAX_INTERPOLATED_JUMP * min(below, above) else own
         found = units * unit_m
         depth[k] = range_m[k] - found if known else np.nan
-        surface[k] = found if value > 0.0 else -found
+        surface[k] = found if value > 0 else -found
 
 
 @kernel

@@ -120,7 +120,7 @@ def march(
     parameters, tables = model.parameters, model.tables
     depth_log_odds, height_log_odds = tables.depth_log_odds, tables.height_log_odds
     occupancies, used = tables.occupancies, chosen.shape[1]
-    weights, entries = tables.scan_weights[used - 1], float(len(depth_log_odds) // 2)
+    weights, entries = tables.scan_weights[used - 1], float(len(depth_log_odds) // 3)
     per_log_odds = parameters.entries_per_log_odds
     at = 0
     while at < len(first):

@@ -14,6 +14,7 @@ from intervis.sight.kernels.packed_scans import (
     depth_at,
     to_sensor_frame,
 )
+from intervis.sight.kernels.pixel import is_observed
 from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 
 SEARCH_M = 1.5
@@ -89,8 +90,8 @@ def _shift(pixels: Int16Array, descriptor: Float64Array, line: Float64Array, at_
                 break
             if not 0 <= column < columns:  # most columns need no division
                 column %= columns
-            here = abs(float(pixels[at + column * rows + row]))
-            if here == 0.0 or here > units:
+            here = pixels[at + column * rows + row]
+            if not is_observed(here) or abs(float(here)) > units:
                 least = n * step
                 break
             n += 1

@@ -6,6 +6,7 @@ import numpy as np
 
 from intervis.arrays import Float32Array, Float64Array, Int16Array, IntArray
 from intervis.kernels import kernel
+from intervis.sight.kernels.pixel import is_observed
 from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 
 DISTANCE_STEP_M = 0.5
@@ -144,10 +145,10 @@ def depth_at(pixels: Int16Array, descriptor: Float64Array, x: float, y: float, z
     columns = descriptor[COLUMNS]
     column = int(min(pseudo_azimuth(x, y) * (columns / FULL_CIRCLE), columns - 1.0))
     at = int(descriptor[OFFSET]) + column * int(rows) + row
+    if not is_observed(pixels[at + 1] if f >= 0.5 else pixels[at]):
+        return np.nan
     low, high = abs(float(pixels[at])), abs(float(pixels[at + 1]))
     surface = high if f >= 0.5 else low
-    if surface == 0.0:
-        return np.nan
     if abs(low - high) < MAX_INTERPOLATED_JUMP * min(low, high):
         surface = low + (high - low) * f
     return float(max(rho, abs(z)) - surface * descriptor[UNIT_M])

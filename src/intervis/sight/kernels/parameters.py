@@ -65,12 +65,12 @@ class Thresholds(NamedTuple):
 class Tables(NamedTuple):
     """Curves of the occupancy model, sampled.
 
-    `depth_log_odds` (2 D + 1,): volumetric, then surface returns, each from `depth_from_m` in steps
-    of 1 / `entries_per_m`, then 0 for an unobserved direction. `height_log_odds` (H + G,): over
-    known ground `known_height_entries` from `height_from_m` in the same steps, the first one for no
-    ground at all; then over assumed ground from `assumed_from_m`. `occupancies` (P,): probability
-    of log-odds from `log_odds_from` in steps of 1 / `entries_per_log_odds`. `scan_weights` (K, K):
-    row n holds the weights of n + 1 scans.
+    `depth_log_odds` (3 D + 1,): volumetric returns, surface returns, then dropouts, each from
+    `depth_from_m` in steps of 1 / `entries_per_m`, then 0 for an unobserved direction.
+    `height_log_odds` (H + G,): over known ground `known_height_entries` from `height_from_m` in the
+    same steps, the first one for no ground at all; then over assumed ground from `assumed_from_m`.
+    `occupancies` (P,): probability of log-odds from `log_odds_from` in steps of 1 /
+    `entries_per_log_odds`. `scan_weights` (K, K): row n holds the weights of n + 1 scans.
     """
 
     depth_log_odds: Float64Array

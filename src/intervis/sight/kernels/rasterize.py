@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from intervis.arrays import Float32Array, Float64Array, Int16Array, IntArray, UInt32Array
+from intervis.arrays import (
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    Int16Array,
+    Int32Array,
+    IntArray,
+    UInt32Array,
+)
 from intervis.kernels import kernel
 from intervis.sight.kernels.projection import FULL_CIRCLE, ZENITH
 
@@ -11,6 +19,8 @@ MAX_JUMP, FLAT_M = 0.2, 0.25
 heights by so little."""
 MAX_GAP_SPACINGS = 2.6
 """A gap of more beam spacings than this holds no surface."""
+MAX_DROPOUT = 0.2
+"""A gap of more pseudo-elevation than this, 11 degrees at the horizon, is not bridged."""
 AGREEMENT = 0.04
 """Neighbours agree if 1 / planar range differs by less than this fraction."""
 
@@ -156,7 +166,7 @@ def _row(elevation: float, lowest: float, step: float, rows: int) -> int:
 
 @kernel
 def quantize(image: Float32Array, far: int, units_per_m: float, pixels: Int16Array) -> None:
-    """Store planar ranges in units, negative where fewer than three of four neighbours agree.
+    """Store planar ranges in units; even, negative where fewer than three of four neighbours agree.
 
     The neighbours above and below are `far` rows away, one beam, and may differ twice as much. If
     both were not observed (a single ring), they count as one that agrees. A column that its beam
@@ -207,6 +217,39 @@ def _signed_units(
     agree += 1.0 if abs(r - at_right) < AGREEMENT * at_right else 0.0
     agree += 1.0 if abs(r - below) < 2.0 * AGREEMENT * below else 0.0
     agree += 1.0 if abs(r - above) < 2.0 * AGREEMENT * above else 0.0
-    units = max(r * units_per_m, 1.0)
-    units = units if agree >= 3.0 else -units
+    units = r * units_per_m
+    even = 2.0 * max(np.floor(0.5 * units), 1.0)
+    units = max(units, 1.0) if agree >= 3.0 else -even
     return units if r > 0.0 else 0.0
+
+
+@kernel
+def count_observed(pixels: Int16Array, observed: Int32Array) -> None:
+    """Add to `observed` (R,) the number of pixels (C, R) of each row that hold a range."""
+    for c in range(len(pixels)):
+        units = pixels[c]
+        for k in range(len(observed)):
+            observed[k] += units[k] != 0
+
+
+@kernel
+def bridge_dropouts(pixels: Int16Array, is_scanned: BoolArray, most_rows: int) -> None:
+    """Mark beams without a return between two returns of one surface; see `pixel`.
+
+    A gap in a column is bridged if it has at most `most_rows` rows and if the ranges below and
+    above it lie on one surface (`MAX_JUMP`). Only rows (R,) that beams scan take part.
+    """
+    rows = pixels.shape[1]
+    for c in range(len(pixels)):
+        units, below = pixels[c], -1
+        for k in range(rows):
+            if units[k] == 0:
+                continue
+            if below >= 0 and 1 < k - below <= most_rows:
+                low, high = abs(float(units[below])), abs(float(units[k]))
+                if abs(low - high) < MAX_JUMP * min(low, high):
+                    for m in range(below + 1, k):
+                        f = (m - below) / (k - below)
+                        if is_scanned[m]:
+                            units[m] = -(int(1.0 / ((1.0 - f) / low + f / high)) | 1)
+            below = k

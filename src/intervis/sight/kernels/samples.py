@@ -39,6 +39,7 @@ from intervis.sight.kernels.packed_scans import (
     UNIT_M,
 )
 from intervis.sight.kernels.parameters import Parameters
+from intervis.sight.kernels.pixel import is_dropout, is_observed
 from intervis.sight.kernels.projection import FULL_CIRCLE, pseudo_azimuth, pseudo_elevation
 from intervis.sight.kernels.terrain import BORDER_M, CELL_M, CELLS
 
@@ -115,7 +116,10 @@ def gather(pixels: Int16Array, runs: int, batch: Batch) -> None:
 def compute_depths(
     to: int, runs: int, batch: Batch, parameters: Parameters, entries: float
 ) -> None:
-    """Depth of the samples behind the observed surface (row `to`), and its entry in the table."""
+    """Depth of the samples behind the observed surface (row `to`), and its entry in the table.
+
+    A dropout has an entry, but no depth: no surface was observed there.
+    """
     depth_from_m, entries_per_m = parameters.depth_from_m, parameters.entries_per_m
     for i in range(runs):
         begin, end = batch.runs[i, 0], batch.runs[i, 1]
@@ -124,17 +128,20 @@ def compute_depths(
         depth_of, entry_of = batch.samples[to, begin:end], batch.places[ENTRY, begin:end]
         unit_m = batch.descriptors[batch.runs[i, 2], UNIT_M]
         for m in range(padded_count(begin, end)):
-            f, low, high = fraction[m], float(lows[m]), float(highs[m])
+            f, low, high = fraction[m], np.int32(lows[m]), np.int32(highs[m])
             value = high if f >= 0.5 else low
-            known = (value != 0.0) & (f >= 0.0)
-            below, above = abs(low), abs(high)
+            dropout = is_dropout(value) & (f >= 0.0)
+            known = is_observed(value) & (f >= 0.0)
+            below, above = abs(float(low)), abs(float(high))
             mixed = below + (above - below) * f
             jump = abs(below - above)
-            surface = mixed if jump < MAX_INTERPOLATED_JUMP * min(below, above) else abs(value)
+            own = abs(float(value))
+            surface = mixed if jump < MAX_INTERPOLATED_JUMP * min(below, above) else own
             depth = range_of[m] - surface * unit_m
             entry = np.floor(clamped((depth - depth_from_m) * entries_per_m, entries - 1.0))
-            entry += entries if value > 0.0 else 0.0
-            entry_of[m] = entry if known else 2.0 * entries
+            entry += entries if value > 0 else 0.0
+            entry += 2.0 * entries if dropout else 0.0
+            entry_of[m] = entry if known | dropout else 3.0 * entries
             depth_of[m] = depth if known else np.nan
 
 
