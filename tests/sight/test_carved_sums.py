@@ -27,7 +27,7 @@ def no_sums(shape=SHAPE):
 
 def test_one_scan_adds_its_words_voxel_by_voxel(rng):
     """A table of 0, 1, 2 ... tells which entry was taken: 20 a metre from -4 m on."""
-    table = np.arange(2 * 90.0 + 1)  # volumetric returns, surfaces, and an unobserved direction
+    table = np.arange(3 * 90.0 + 1)  # volumetric returns, surfaces, dropouts, nothing observed
     place = rng.integers(0, 4, SHAPE).astype(np.uint8)
     place += (VOLUMETRIC * rng.integers(0, 2, SHAPE)).astype(np.uint8)
     depth = rng.uniform(-4.5, 1.5, SHAPE).astype(np.float32)

@@ -39,15 +39,21 @@ def column_and_row(image, u, v, w):
     return turn / 8.0 * image.shape[0], row, max(rho, abs(w))
 
 
+def is_a_return(value):
+    """Not 0, and not negative and odd: a dropout."""
+    return value > 0 or (value < 0 and value % 2 == 0)
+
+
 def depth_by_definition(image, u, v, w):
     """Depth behind the surface; None where nothing was observed."""
     column, row, planar_range = column_and_row(image, u, v, w)
     if not 0.0 <= row < image.shape[1] - 1:
         return None
-    low, high = np.abs(image[min(int(column), image.shape[0] - 1), int(row) : int(row) + 2])
+    pair = image[min(int(column), image.shape[0] - 1), int(row) : int(row) + 2]
+    low, high = np.abs(pair)
     fraction = row - int(row)
     nearer = high if fraction >= 0.5 else low
-    if nearer == 0:
+    if not is_a_return(pair[1 if fraction >= 0.5 else 0]):
         return None
     one_surface = abs(low - high) < 0.1 * min(low, high)
     units = low + (high - low) * fraction if one_surface else nearer
@@ -93,7 +99,8 @@ def shift_by_definition(image, u, v, w):
         n = 1
         while n * step_m < 10.0 and 0 <= r + n * dr < rows:
             units = abs(int(image[(c + n * dc) % columns, r + n * dr]))
-            if units == 0 or units * UNIT_M > planar_range:
+            seen = is_a_return(image[(c + n * dc) % columns, r + n * dr])
+            if not seen or units * UNIT_M > planar_range:
                 shifts.append(n * step_m)
                 break
             n += 1

@@ -28,11 +28,12 @@ def test_occupancies_are_the_logistic_function_without_bias(rng):
     assert abs(error[steep].mean()) < 2e-4
 
 
-@pytest.mark.parametrize("name", ["volumetric", "surface"])
+@pytest.mark.parametrize("name", ["volumetric", "surface", "dropout"])
 def test_depth_tables_follow_their_curves_without_bias(rng, name):
     flat = TABLES.depth_log_odds
-    half = len(flat) // 2
-    table = flat[:half] if name == "volumetric" else flat[half : 2 * half]
+    third = len(flat) // 3
+    begin = ["volumetric", "surface", "dropout"].index(name) * third
+    table = flat[begin : begin + third]
     depth_m = rng.uniform(-4.0, 20.0, 200_000)
     curve = np.interp(depth_m, model.FITTED["depth_m"], model.FITTED[f"{name}_log_odds"])
     error = looked_up(table, depth_m, -4.0, 20.0) - curve

@@ -96,7 +96,7 @@ def entry(table: np.ndarray, value: float, start: float) -> float:
 
 
 def probability_by_definition(state, depth, is_surface, height, assumed) -> float:
-    volumetric, surface = np.split(MODEL.tables.depth_log_odds[:-1], 2)
+    volumetric, surface, _ = np.split(MODEL.tables.depth_log_odds[:-1], 3)
     known_entries = int(MODEL.parameters.known_height_entries)
     over_known, over_assumed = np.split(MODEL.tables.height_log_odds, [known_entries])
     if np.isnan(assumed):

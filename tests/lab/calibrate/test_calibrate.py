@@ -74,7 +74,7 @@ def shipped_theta():
 
 def likelihood_of(table):
     matrix = curves.design_matrix(table, FITTED["weight_decay"], FITTED["correlation"])
-    sizes = [len(KNOTS[0]), *map(len, KNOTS)]
+    sizes = [len(KNOTS[0])] * 2 + [*map(len, KNOTS)]
     return curves._Likelihood(table, matrix, sizes, model.MODEL.parameters)
 
 
