@@ -195,7 +195,7 @@ def _queries(plan: Plan, data: Path, stage: Stage, report: Progress) -> Iterator
     seeds = plan.matrix.curves if stage == "curves" else plan.matrix.thresholds
     lines = plan.matrix.lines if stage == "curves" else plan.matrix.threshold_lines
     for seed in seeds:
-        yield from matrix_lines(seed, lines, plan.matrix.leave_out)
+        yield from matrix_lines(seed, lines, plan.matrix.leave_out, with_silent=stage == "curves")
         report(f"{stage}: matrix, seed {seed}")
     count = plan.lines_per_pair if stage == "curves" else plan.threshold_lines_per_pair
     rng = np.random.default_rng(plan.seed)
@@ -219,8 +219,14 @@ def _drive_lines(
             report(f"{stage}: {given.drive}, {protocol}")
 
 
-def matrix_lines(seed: int, count: int, leave_out: tuple[str, ...] = ()) -> Iterator[QueryLines]:
-    """The lines of all cells, one query set for each kind of lines."""
+def matrix_lines(
+    seed: int, count: int, leave_out: tuple[str, ...] = (), *, with_silent: bool = True
+) -> Iterator[QueryLines]:
+    """The lines of all cells, one query set for each kind of lines.
+
+    `with_silent`: also lines along beams without echo. Nearly all of them end in the sky; among the
+    lines of the thresholds they would make up for wrong answers elsewhere.
+    """
     places: dict[str, Place] = {}
     for cell in cells():
         if {cell.scanner, cell.mount, cell.world} & set(leave_out):
@@ -229,7 +235,7 @@ def matrix_lines(seed: int, count: int, leave_out: tuple[str, ...] = ()) -> Iter
         rng = random_of(cell, seed)
         scan = scan_of(cell, place, rng)
         lines = exact_lines(place, scan, count, rng)
-        silent = lines_without_echo(place, scan, count // len(KINDS), rng)
+        silent = lines_without_echo(place, scan, count // len(KINDS) * with_silent, rng)
         scans = Scene.from_scan(scan.points, scan.pose).packed_scans()
         label = f"{cell.scanner} {cell.mount} {cell.world} {seed}"
         for k, kind in enumerate((*KINDS, NO_ECHO)):
