@@ -198,3 +198,9 @@ def test_times_up_to_ten_thousand_seconds_count_from_the_scan(start_s: int, coun
         assert point_times_ns(times, (start_s - 2) * 10**9).tolist() == times["t"].tolist()
         with pytest.raises(DriveError, match=r"begin 2\.0 s from the scan's time"):
             point_times_ns(times, (start_s - 2) * 10**9 - 1)
+
+
+def test_a_point_without_a_time_has_that_of_the_first() -> None:
+    seconds = np.array([0.05, np.nan, 0.02, 0.1, 0.0])
+    times_ns = point_times_ns({"time": seconds}, 10**9)
+    assert times_ns.tolist() == [10**9 + t * 10**7 for t in (5, 0, 2, 10, 0)]

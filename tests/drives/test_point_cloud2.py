@@ -245,3 +245,11 @@ def test_a_real_message(shared_data):
     elevation = np.degrees(np.arctan2(z, np.hypot(x, y)))
     ring = scan.attributes["ring"][far]
     assert all(np.ptp(np.percentile(elevation[ring == n], [5, 95])) < 0.1 for n in range(32))
+
+
+@pytest.mark.parametrize("row_step", [0, 12, 10_000])
+def test_the_row_step_of_a_single_row_does_not_matter(row_step):
+    rows = [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]
+    one = message(rows, XYZ)
+    one.row_step = row_step
+    assert read(one).points.tolist() == [list(row) for row in rows]

@@ -13,6 +13,7 @@ from intervis.method.field_of_view import in_camera
 from intervis.method.sampling import (
     _first_axis,
     _partition,
+    _project,
     sample_kernels,
     sample_radius,
     sample_stride,
@@ -242,3 +243,21 @@ def test_the_first_axis_of_nearly_round_matrices(seed, gap, third, size):
 def test_no_matrix_is_too_small_for_an_axis():
     for nothing in (0.0, 5e-324):
         assert _first_axis(nothing, 0.0, 0.0, nothing, 0.0, 0.0) == (1.0, 0.0, 0.0)
+
+
+@given(st.integers(0, 10**6), st.integers(3, 40))
+def test_points_are_projected_on_their_first_principal_axis(seed, count):
+    """Mean and standard deviation against numpy's, of a body that lies askew to all axes."""
+    rng = np.random.default_rng(seed)
+    turn = Rotation.random(random_state=seed).as_matrix()
+    points = (rng.normal(size=(count, 3)) * [5.0, 2.0, 1.0]) @ turn.T + [30.0, -20.0, 10.0]
+    scratch = np.empty((4, count))
+    viewpoint = np.array([1.0, 2.0, 0.5])
+    mean, spread = _project(points, np.arange(count), viewpoint, *scratch)
+    near = points - points[0]
+    axis = np.linalg.svd(near - near.mean(axis=0))[2][0]
+    axis *= np.sign(axis @ (points.mean(axis=0) - viewpoint))
+    # Two axes of nearly the same spread are told apart by rounding alone.
+    np.testing.assert_allclose(scratch[3].std(), (near @ axis).std(), rtol=1e-6)
+    np.testing.assert_allclose(spread, scratch[3].std(), rtol=1e-9)
+    np.testing.assert_allclose(mean, scratch[3].mean(), rtol=1e-9, atol=1e-9)
