@@ -30,6 +30,23 @@ def share(count: int, total: int) -> str:
     return f"{count:,} ({100 * count / total:.1f} %)" if total else f"{count:,}"
 
 
+def percent(part: float) -> str:
+    """A share from 0 to 1 as a whole percentage; 0 and 100 only where it is exactly that.
+
+    Examples
+    --------
+    >>> [percent(part) for part in (0.0, 0.002, 0.374, 0.9999, 1.0, float("nan"))]
+    ['0 %', '< 1 %', '37 %', '> 99 %', '100 %', '-']
+    """
+    if part != part:
+        return "-"
+    if 0.0 < part < 0.005:
+        return "< 1 %"
+    if 0.995 <= part < 1.0:
+        return "> 99 %"
+    return f"{100.0 * part:.0f} %"
+
+
 def metres(length_m: float, unknown: str = "-") -> str:
     """A length with its unit, or a word where it is not finite.
 

@@ -16,6 +16,7 @@ from intervis.plots.style import (
     mark_viewpoint,
     page_figure,
 )
+from intervis.result_table import percent
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def _draw_above(
     """The returns from above, and the sight line."""
     for state, (name, colour) in STATES.items():
         chosen = sight.state == state
-        label = f"{name}, {100 * chosen.mean():.0f} %" if len(chosen) else name
+        label = f"{name}, {percent(float(chosen.mean()))}" if len(chosen) else name
         dots(axes, points[chosen], s=1.2, color=colour, label=label)
     if line is not None and end is not None:
         _draw_line(axes, np.stack([viewpoint, end]), line.blocker[None])

@@ -11,6 +11,7 @@ from scipy import ndimage
 from intervis.arguments import object_of
 from intervis.arrays import BoolArray, Float64Array
 from intervis.plots.tables import Table
+from intervis.result_table import percent
 from intervis.sight.query_checks import finite_number
 from intervis.uses.visibility_grid import VisibilityGrid, blind_cells, occluded_share
 
@@ -204,8 +205,8 @@ def spot_table(spots: Sequence[BlindSpot]) -> Table:
             ", ".join(f"{value:.1f}" for value in spot.centre),
             f"{spot.width_m:.1f}",
             spot.hides or "-",
-            f"{100 * spot.occluded:.0f} %",
-            f"{100 * spot.probability:.0f} %",
+            percent(spot.occluded),
+            percent(spot.probability),
             "-" if math.isnan(spot.blocker[0]) else ", ".join(f"{v:.1f}" for v in spot.blocker),
         )
         for spot in spots

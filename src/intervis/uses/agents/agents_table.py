@@ -7,6 +7,7 @@ import numpy as np
 
 from intervis.arrays import Float64Array
 from intervis.plots.tables import Table
+from intervis.result_table import percent
 from intervis.uses.agents.mutual_sight import ABSENT, HIDDEN, REASONS, SEES, MutualSight
 
 
@@ -94,7 +95,7 @@ def pair_table(rows: list[PairSight]) -> Table:
         (
             *(row.observer, row.target, str(row.frames), str(row.seen)),
             *("-" if frame is None else str(frame) for frame in (row.first, row.last)),
-            "-" if math.isnan(row.probability) else f"{100 * row.probability:.0f} %",
+            percent(row.probability),
             f"{row.nearest_m:.1f}",
             row.blind or "-",
             "-" if math.isnan(row.blocker[0]) else ", ".join(f"{v:.1f}" for v in row.blocker),
@@ -107,10 +108,7 @@ def pair_table(rows: list[PairSight]) -> Table:
 def matrix_table(found: MutualSight) -> Table:
     """Share of the common frames in which the agent of a row sees that of a column."""
     share = found.seen_share
-    rows = tuple(
-        (name, *("-" if math.isnan(value) else f"{100 * value:.0f} %" for value in share[a]))
-        for a, name in enumerate(found.names)
-    )
+    rows = tuple((name, *map(percent, share[a])) for a, name in enumerate(found.names))
     return Table("Row sees column, share of frames", ("", *found.names), rows)
 
 

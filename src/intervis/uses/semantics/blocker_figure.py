@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from intervis.arrays import Float64Array
 from intervis.plots.style import FAINT, dots, legend_below, mark_viewpoint, page_figure
+from intervis.result_table import percent
 from intervis.sight import Sight
 from intervis.uses.semantics.blockers import blocker_counts
 from intervis.uses.semantics.classed_returns import UNLABELLED
@@ -116,11 +117,11 @@ def _draw_above(
 
 def _counts(sight: Sight) -> str:
     masks = {"visible": sight.visible, "occluded": sight.occluded, "unknown": sight.unknown}
-    return ", ".join(f"{_percent(mask):.0f} % {name}" for name, mask in masks.items())
+    return ", ".join(f"{percent(_share(mask))} {name}" for name, mask in masks.items())
 
 
-def _percent(mask: NDArray[np.bool_]) -> float:
-    return 100.0 * float(mask.mean()) if len(mask) else 0.0
+def _share(mask: NDArray[np.bool_]) -> float:
+    return float(mask.mean()) if len(mask) else 0.0
 
 
 def _draw_bars(axes: Any, panels: Sequence[Panel], colours: dict[str, str]) -> None:
@@ -130,13 +131,13 @@ def _draw_bars(axes: Any, panels: Sequence[Panel], colours: dict[str, str]) -> N
         unknown, visible, *behind = _groups(panel, colours)
         left = 0.0
         for name, mask in (*behind, unknown, visible):
-            percent = _percent(mask[asked])
-            axes.barh(-row, percent, 0.7, left, color=_palette(colours)[name])
-            if percent >= 3.0:
+            width = 100.0 * _share(mask[asked])
+            axes.barh(-row, width, 0.7, left, color=_palette(colours)[name])
+            if width >= 3.0:
                 ink = "white" if name.startswith("behind") else "black"
                 look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5}
-                axes.text(left + percent / 2, -row, f"{percent:.0f}", color=ink, **look)
-            left += percent
+                axes.text(left + width / 2, -row, f"{width:.0f}", color=ink, **look)
+            left += width
     count = int(asked.sum())
     axes.set(xlim=(0, 100), xlabel=f"per cent of the {count:,} lines that are occluded as scanned")
     names = ["as scanned", "without"][: len(panels)]

@@ -15,6 +15,7 @@ from intervis.plots.style import (
     legend_below,
     page_figure,
 )
+from intervis.result_table import percent
 from intervis.sight import OCCLUDED, UNKNOWN, VISIBLE
 from intervis.uses.sites.coverage import OUT_OF_REACH, STATES
 from intervis.uses.sites.siting import Siting
@@ -111,7 +112,7 @@ def _draw_targets(axes: Any, found: Siting, inches_per_m: float) -> None:
     unit = "" if np.ptp(weight) < 0.1 * weight.max() else " of the weight"
     for state, colour in COLOURS.items():
         share = float(weight[found.state == state].sum())
-        label = f"{STATES[state]}, {100 * share:.0f} %{unit}"
+        label = f"{STATES[state]}, {percent(share)}{unit}"
         here = columns[worst == order.index(state)]
         if share > 0.0 or len(here):
             look = {"s": size, "marker": "s", "zorder": 1}

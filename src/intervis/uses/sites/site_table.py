@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from intervis.plots.tables import Table
+from intervis.result_table import percent
 from intervis.uses.sites.coverage import STATES
 from intervis.uses.sites.siting import Siting
 
@@ -27,11 +28,11 @@ def site_table(found: Siting) -> Table:
                 ", ".join(f"{value:.1f}" for value in one.place),
                 f"{100 * gain:.1f} %",
                 f"{100 * total:.1f} %",
-                *(_percent(shares[word][nth]) for word in STATES.values()),
+                *(percent(shares[word][nth]) for word in STATES.values()),
                 f"{covered.returns[nth]:.0f}",
             )
         )
-    together = [_percent(value) for value in found.shares.values()]
+    together = [percent(value) for value in found.shares.values()]
     rows.append(("together", "", "", "", "", *together, f"{found.returns:.0f}"))
     heads = ("place", "nth", "x, y, z", "adds", "covered", *STATES.values(), "returns")
     return Table("Places", heads, tuple(rows))
@@ -41,14 +42,10 @@ def zone_table(found: Siting) -> Table:
     """Shares of each zone by state of the chosen set."""
     zones = found.coverage.demand.zones
     rows = tuple(
-        (zone.name, f"{zone.area_m2:.0f}", *map(_percent, found.zone_shares(nth).values()))
+        (zone.name, f"{zone.area_m2:.0f}", *map(percent, found.zone_shares(nth).values()))
         for nth, zone in enumerate(zones)
     )
     return Table("Zones, seen by all chosen places", ("zone", "m2", *STATES.values()), rows)
-
-
-def _percent(share: float) -> str:
-    return "-" if math.isnan(share) else f"{100 * share:.0f} %"
 
 
 def summary_of(found: Siting) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from intervis.arguments import objects_of, shown
 from intervis.arrays import Float32Array, Float64Array, UInt8Array, checked_points
 from intervis.errors import PointsError, SceneError, SettingsError
+from intervis.result_table import percent
 from intervis.sight import Scene, Sensor
 from intervis.sight.kernels.carved_sums import FREE_SPACE, OCCLUDED, OCCUPIED, UNKNOWN
 from intervis.sight.query_checks import finite_number, positive_length
@@ -47,7 +48,7 @@ class BevGrid:
 
     def __repr__(self) -> str:
         counts = np.bincount(self.state.ravel(), minlength=len(STATES))
-        parts = ", ".join(f"{100 * counts[s] / counts.sum():.0f} % {STATES[s]}" for s in STATES)
+        parts = ", ".join(f"{percent(counts[s] / counts.sum())} {STATES[s]}" for s in STATES)
         columns, rows = self.state.shape
         return f"<BevGrid: {columns} x {rows} cells of {self.cell_m:g} m, {parts}>"
 

@@ -43,6 +43,7 @@ from intervis.arrays import (
 )
 from intervis.errors import PointsError, SceneError
 from intervis.kernels import in_parts
+from intervis.result_table import percent
 from intervis.sight import Scene, Sensor
 from intervis.sight.kernels.carved_sums import (
     FREE_SPACE,
@@ -109,7 +110,7 @@ class CarvedGrid:
     def __repr__(self) -> str:
         sides = " x ".join(map(str, self.grid.shape))
         counts = np.bincount(self.state.ravel(), minlength=len(STATES))
-        parts = ", ".join(f"{100 * counts[s] / self.grid.size:.0f} % {STATES[s]}" for s in STATES)
+        parts = ", ".join(f"{percent(counts[s] / self.grid.size)} {STATES[s]}" for s in STATES)
         return f"<CarvedGrid: {sides} voxels of {self.grid.cell_m:g} m, {parts}>"
 
 
