@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from intervis.drives import open_drive
+from intervis.errors import ArgumentError
 from intervis.sight import Scene
 from intervis.sight import occupancy_model as model
 from intervis.sight.answers import sum_lines
@@ -137,3 +138,15 @@ def test_a_black_car_of_few_returns_is_not_called_visible():
     behind = Scene.from_scan(scan).sight([0, 0, 0], [[8.1, 3.15, -0.9]])
     assert behind.unknown[0]
     assert behind.probability[0] < 0.8
+
+
+def test_a_scan_of_which_returns_were_left_out_has_no_dropouts():
+    """Without the returns of the window, as if they had been of a class that is not wanted."""
+    eye, inside = np.zeros(3), np.array([[14.0, 0.1, -14.0 * np.tan(np.radians(5.5))]])
+    scene = Scene(sensor=SENSOR)
+    scene.add(wall(silent=(-5, 5, -8, -3)), complete=False)
+    assert scene.sight(eye, inside).probability[0] > 0.5
+    values = scene.packed_scans().pixels
+    assert not ((values < 0) & (values % 2 == 1)).any()
+    with pytest.raises(ArgumentError, match="complete"):
+        scene.add(wall(), complete="yes")

@@ -127,8 +127,13 @@ def range_image_of(
     return range_image_of_projected(project_scan(points_velo, level_from_sensor), sensor)
 
 
-def range_image_of_projected(scan: ProjectedScan, sensor: Sensor) -> RangeImage:
-    """The range image of a projected scan; see `range_image_of`."""
+def range_image_of_projected(
+    scan: ProjectedScan, sensor: Sensor, *, is_complete: bool = True
+) -> RangeImage:
+    """The range image of a projected scan; see `range_image_of`.
+
+    Without dropouts where the scan is not complete: its gaps may be returns that were left out.
+    """
     columns = int(np.clip(round(360.0 / (STEPS_PER_COLUMN * sensor.azimuth_step_deg)), 8, 4096))
     usual = np.radians(sensor.beam_spacing_deg)
     kept, farthest_m = _kept(scan.planar_m, sensor)
@@ -145,7 +150,8 @@ def range_image_of_projected(scan: ProjectedScan, sensor: Sensor) -> RangeImage:
     pixels = np.empty((columns, rows), np.int16)
     unit_m = farthest_m / _MAX_UNITS
     _draw(scan, order, start, spacings, lowest, step, unit_m, pixels)
-    _bridge(pixels, int(MAX_DROPOUT / step))
+    if is_complete:
+        _bridge(pixels, int(MAX_DROPOUT / step))
     return RangeImage(pixels, unit_m, float(lowest), float(step), ground_m, len(kept))
 
 

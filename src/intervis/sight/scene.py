@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from intervis.arguments import is_count, shown
+from intervis.arguments import flag_of, is_count, shown
 from intervis.arrays import (
     LARGEST_M,
     Float64Array,
@@ -180,7 +180,12 @@ class Scene:
         return self._buffer.timestamps_s
 
     def add(
-        self, points: ArrayLike, pose: ArrayLike | None = None, timestamp_s: float | None = None
+        self,
+        points: ArrayLike,
+        pose: ArrayLike | None = None,
+        timestamp_s: float | None = None,
+        *,
+        complete: bool = True,
     ) -> None:
         """Add a scan. Non-finite returns are left out.
 
@@ -194,6 +199,9 @@ class Scene:
             tilted; see `up`.
         timestamp_s : float or None
             Time of the scan, seconds from any start; see `moment_s` of `sight`.
+        complete : bool
+            Whether these are all returns of the scan. False: some were left out (of a class, of the
+            own vehicle), so that a gap between two returns of one surface is no dropout.
 
         Raises
         ------
@@ -203,8 +211,10 @@ class Scene:
             No rigid motion.
         SettingsError
             The timestamp is not finite.
+        ArgumentError
+            `complete` is neither True nor False.
         """
-        xyz = checked_points(points)
+        xyz, is_complete = checked_points(points), flag_of(complete, "complete")
         scene_from_sensor = np.eye(4) if pose is None else checked_pose(pose)
         finite = finite_rows(xyz)
         kept = xyz if finite.all() else xyz[finite]
@@ -218,7 +228,7 @@ class Scene:
         time_s = (
             np.nan if timestamp_s is None else finite_number("timestamp_s", timestamp_s, "seconds")
         )
-        image = range_image_of_projected(scan, sensor)
+        image = range_image_of_projected(scan, sensor, is_complete=is_complete)
         self._buffer.add(image, scene_from_sensor, time_s)
 
     def sight(
@@ -394,9 +404,9 @@ class Scene:
 
         Examples
         --------
-        Two cars behind a wall that is 2 m high, and one in front of it:
+        Two cars behind a wall, and one in front of it:
 
-        >>> y, z = np.meshgrid(np.arange(-9, 9, 0.05), np.arange(-1.8, 0.2, 0.05))
+        >>> y, z = np.meshgrid(np.arange(-9, 9, 0.05), np.arange(-3.8, 0.2, 0.05))
         >>> wall = np.stack([np.full(y.size, 12.0), y.ravel(), z.ravel()], axis=1)
         >>> poses = np.tile(np.eye(4), (3, 1, 1))
         >>> poses[:, :3, 3] = [[20, 2, -1], [20, -3, -1], [8, 0, -1]]

@@ -276,7 +276,7 @@ def _add(scene: Scene, registered: RegisteredFrame, kept: BoolArray) -> None:
     if not kept.all():
         scene.sensor = sensor_of_scan(points)
         points = points[kept]
-    scene.add(points, registered.now_from_frame, registered.time_s)
+    scene.add(points, registered.now_from_frame, registered.time_s, complete=bool(kept.all()))
     scene.sensor = None
 
 
